@@ -60,7 +60,6 @@ def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     verdict = observer.verdicts[slot]
     _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known_flow)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
-    verdict["is_of_flow"] = outcome.change in (Reason.NONE, Reason.SUDDEN_CHANGE)
     verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
 
 

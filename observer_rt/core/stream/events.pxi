@@ -35,7 +35,7 @@ cdef inline void _begin_event(ObserverMemory* memory, int64_t position) noexcept
     under_way.number += 1
     under_way.opening_position = position
     under_way.learnable = memory.synchronisation.synchronised
-    under_way.fault, under_way.differs = 0, False
+    under_way.fault = 0
 
 
 cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
@@ -128,7 +128,7 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
         and position - under_way.opening_position >= timing.learning_lead
         and position - event.start_position < MAX_EVENT
     )
-    event.fault, event.differs = under_way.fault, under_way.differs
+    event.fault = under_way.fault
     event.closed_index = observer.ring[position & MASK].index
     event.judged_before, event.injections = memory.judgement.events_judged, counts.injections_begun
     event.standstill, event.resting_lift = memory.standstill, memory.resting_lift

@@ -13,16 +13,13 @@ cdef bint judge_event(Observer* observer) noexcept nogil:
         event.taken = TAKEN_LEARNED
         _put_learned_into_force(observer, number % SLOTS, verdict.learned.is_coloured)
         _note(observer, event, &verdict.learned)
-        memory.judgement.flow_differs = event.differs and verdict.is_of_flow and verdict.learned.reason == REASON_NONE
     elif verdict.examined.number == number + 1:
         event.taken = TAKEN_EXAMINED
         if verdict.earlier == number + 1:
             _put_learned_into_force(observer, SLOTS + number % SLOTS, verdict.examined.is_coloured)
         _note(observer, event, &verdict.examined)
-        memory.judgement.flow_differs = False
     else:
         return False
-    memory.judgement.differed = event.differs
     _count(observer)
     look_at_learned_range(observer, memory.positions.processed, memory.needle.is_open)
     return True
@@ -30,10 +27,10 @@ cdef bint judge_event(Observer* observer) noexcept nogil:
 
 cdef double RAIL_BIN = 0.08  # p_0
 cdef double SHARP = 0.01  # of the mean rate since the opening: standard deviation up to which a rate is known
-cdef double SHARP_AFTER = 0.2e-3  # s of flow
+cdef double SEEN_AFTER = 0.3e-3  # s of flow, after which the line pressure shows that of a needle without a recorded lift
 # Share of the widest seat area, below which a needle falls, and what the lift's noise may change of an area, A_0.
 cdef double FULL_LIFT = 0.9, AREA_NOISE = 0.02
-cdef double BELIEVED = 0.5  # weight of the filter by which the injector is as believed
+cdef double BELIEVED = 0.8  # weight of the explanation that the injector is as believed
 
 
 cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
@@ -45,12 +42,7 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
     point.known_until = observer.memory.in_force.known_until[place]
     point.in_learned_range = not flows or point.known_until > 0.0
     point.widest, point.up_until = 0.0, 0.0
-    point.flow, point.open_loop_flow, point.flowing = 0.0, 0.0, 0
-
-
-cdef inline bint _is_as_believed(const Sample* row) noexcept nogil:
-    """Whether the filters find the injector as believed, or no filter follows."""
-    return isnan(row.rate_sigma) or row.as_believed > BELIEVED
+    point.flow, point.flowing = 0.0, 0
 
 
 cdef inline bint _falls(const OperatingPoint* point, const Sample* row) noexcept nogil:
@@ -59,7 +51,7 @@ cdef inline bint _falls(const OperatingPoint* point, const Sample* row) noexcept
 
 
 cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
-    """Add up what flows, and note whether it leaves the learned range, and whether the event differs from the belief.
+    """Add up what flows, and note whether it leaves the learned range.
 
     A needle that falls shows nothing new.
     """
@@ -72,31 +64,30 @@ cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
         if not _falls(point, row):
             point.up_until = row.opened_since
         point.flow += row.injection_rate
-        point.open_loop_flow += row.open_loop_rate
         point.flowing += 1
-    memory.event.differs = not _is_as_believed(row)
-    if not point.in_learned_range:  # where the first filter is as wide as others
-        memory.event.differs = fabs(point.flow - point.open_loop_flow) > SHARP * point.flow
 
 
 cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nogil:
     """Whether the flow, if there is any, is known well enough at a sample.
 
-    It is known where events have shown it. Filters that follow must find the injector as believed, and know the flow
-    sharply. They cannot yet at the opening, where the last event must have been as believed, too. If they find
-    another injector, a fault of the line or of a sensor looks alike while it runs: then the last event's own fit must
-    have said that it was the flow. A needle that falls sooner than in all events is at a lift that none has shown.
+    It is known where events have shown it, and the filters of the running injection find the injector as believed, or
+    know the flow sharply. A needle that falls sooner than in all events is at a lift that none has shown.
     """
-    cdef bint is_as_believed, is_shown
-    memory = observer.memory
-    point, row = &memory.operating_point, &observer.ring[position & MASK]
+    cdef bint is_shown
+    point, row = &observer.memory.operating_point, &observer.ring[position & MASK]
     is_shown = point.in_learned_range and (point.up_until >= point.known_from or not _falls(point, row))
     if isnan(row.rate_sigma) or not is_shown:
         return is_shown
-    is_as_believed = _is_as_believed(row)
-    if point.flowing * observer.constants.interval < SHARP_AFTER:
-        return is_as_believed and not memory.judgement.differed
-    return (is_as_believed or memory.judgement.flow_differs) and row.rate_sigma * point.flowing <= SHARP * point.flow
+    mean_rate = point.flow / max(point.flowing, <int64_t> 1)
+    return row.as_believed > BELIEVED or row.rate_sigma <= SHARP * max(mean_rate, row.injection_rate)
+
+
+cdef bint is_seen(const Observer* observer, int64_t position) noexcept nogil:
+    """Whether the line pressure has shown the flow of a needle without a recorded lift, which is open, and stays so."""
+    point, row = &observer.memory.operating_point, &observer.ring[position & MASK]
+    if not observer.memory.needle.is_open or isnan(row.rate_sigma) or _falls(point, row):
+        return False
+    return point.flowing * observer.constants.interval > SEEN_AFTER
 
 
 cdef bint give_up_event(Observer* observer) noexcept nogil:

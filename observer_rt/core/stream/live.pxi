@@ -1,287 +1,232 @@
-# The live rate: a mixture of filters beside x^ that follow the running injection by its own line pressure.
+# The live rate: the running injection as an event of its own, explained by the line pressure so far.
 #
-# Each is an extended Kalman filter on z = [p_L, Q_L, p_S, r, s, indicated pressure, delay]: r and s are what nozzle and
-# seat pass more than the model with phi, as shares of the model's; 0 at an opening from rest, random walks while the
-# needle is open. A needle that answers commands has another delay at each opening and closing. The filters differ in
-# how far and how fast these may go, and weigh by the likelihood of the line pressure since the opening. Where no event
-# has shown the flow, the first goes as far as the second. They are linearised together, at their mean. Line and sensor
-# are as believed: a fault of either is taken for a flow here, and only the event's own fit tells them apart.
+# While the needle is open, and until the line is at rest again, derivatives of x~ and x^ by the numbers of a filter bank
+# are carried along, as in an event's fit; they are 0 at an opening from rest. Every innovation of x~ corrects the bank,
+# on a line of cells the mean of as many as its waves are resolved by. The rate of x^, moved along its derivatives by the
+# bank's mean, is the live rate; the bank's covariance is its uncertainty. x~ and x^ themselves stay as they are.
+#
+# What the nozzle passes more is one number for each stretch of time, a random walk; when columns run out, the oldest
+# stretch acts as the next one. A needle that answers commands has another delay at each opening and closing.
 
-cdef double WALK_STEP = 1e-5  # s, for which the walks are given
-cdef double[FILTERS][4] WIDTHS = [  # sd at the opening of r and s, walk of r and s in a step
-    [0.003, 0.01, 3e-4, 1e-3],
-    [0.3, 0.3, 2e-3, 5e-3],
-    [0.3, 0.3, 2e-2, 2e-2],
+cdef double STRETCH = 0.1e-3  # s
+cdef double WIDER = 1.2  # times the innovations' variance, for what a model leaves
+cdef double LEAST_FRICTION = -0.05  # beyond the believed one, as a share: friction grows sooner than it falls
+cdef double FURTHEST = 3.0  # change of the injection rate, in units of the nozzle's flow at p_0, that a line still tells
+cdef double FLOW = 0.3  # standard deviation of nozzle and seat that may be any
+cdef double LAG = 0.5e-6, DELAY = 0.2e-6, OFFSET = 2e-4  # s, s, p_0: .. as they are known
+cdef Widths[EXPLANATIONS] WIDTHS = [
+    Widths(0.003, 1e-3, [0.01, 0.01, 0.002, LAG, OFFSET, DELAY], 0.9),  # as believed
+    Widths(FLOW, 2e-3, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # another flow
+    Widths(FLOW, 0.015, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # a flow that moves on
+    Widths(FLOW, 0.08, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # a flow that changes at once
+    Widths(0.003, 1e-3, [0.01, 1.0, 0.1, LAG, OFFSET, DELAY], 0.02),  # another line
+    Widths(0.003, 1e-3, [0.01, 0.01, 0.002, 35e-6, OFFSET, 30e-6], 0.02),  # a late line pressure or lift
+    Widths(FLOW, 0.015, [FLOW, 1.0, 0.1, LAG, OFFSET, DELAY], 0.01),  # another flow and line
 ]
-cdef double[FILTERS] ODDS = [0.98, 0.01, 0.01]
-cdef double LEAST_CHANGE = -0.9  # of r and s
-cdef double WHITE = 2.5  # mean square of innovations, up to which a model leaves little of a healthy injector
-cdef int64_t[VALVE_NUMBERS] SPARE = [7] * 4  # column of derivatives that nobody reads
-cdef int64_t[NEEDLE_NUMBERS] DELAYS = [6, 7, 7, 7, 7, 7, 7, 7]  # both delays are one state, of either edge
-cdef double[NEEDLE_NUMBERS] DELAY_SIZES = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-cdef double[VALVE_NUMBERS] NO_SIZES  # zeros
-cdef int64_t[CURVES] NO_NEURONS  # zeros
 
 
-cdef void _prepare_live(Stepping* s) noexcept nogil:
-    """Lend the filters their scratch, which must stay where it is."""
-    live, g = &s.live, &s.live.gradient
-    t = &g.tangent
-    t.n, t.m, t.size = s.coefficients.states, LIVE_COLUMNS, s.coefficients.size
-    t.by, t.moved, t.by_state, t.by_number = live.by, live.moved, live.by_state, live.by_number
-    t.by_flow, t.of_flows, t.by_coefficient = live.by_flow, live.of_flows, live.by_coefficient
-    memset(live.parts, BY_NOZZLE | BY_SEAT, sizeof(live.parts))
-    t.parts, t.neurons = live.parts, NO_NEURONS
-    t.theta.nozzle_bias, t.theta.seat_bias = OF_NOZZLE, OF_SEAT
-    t.theta.nozzle, t.theta.valve, t.theta.valve_sizes = SPARE, SPARE, NO_SIZES
-    t.theta.needle, t.theta.needle_sizes = DELAYS, DELAY_SIZES
-    g.offset, g.sensor = SPARE[0], live.no_numbers
-    g.before, g.indicated, g.error = live.before, live.indicated, live.error
-    live.network = s.network
-    live.network.bias = live.bias
+cdef void _lend_live(Stepping* s, double[:, ::1] scratch) noexcept:
+    """Lend the tangents of x~ and x^ their arrays, rows of a scratch (k, NUMBERS), which must stay where it is."""
+    cdef int64_t of_each = LIVE_ROWS * s.coefficients.states + 8, number
+    cdef double* rows = &scratch[2 * of_each, 0]
+    live, g = &s.live, &s.live.of_tilde
+    memset(live.parts, BY_NOZZLE | BY_SEAT | BY_LINE, sizeof(live.parts))
+    for number in range(<int64_t> NEEDLE_NUMBERS):
+        live.unused[number], live.needle[number], live.needle_sizes[number] = UNUSED, UNUSED, 0.0
+    live.needle_sizes[OPENING_DELAY] = 1.0
+    _lend_tangent(s, &g.tangent, &scratch[0, 0])
+    _lend_tangent(s, &live.of_hat, &scratch[of_each, 0])
+    g.offset = OF_OFFSET
+    g.before, g.indicated, g.error, g.sensor = rows, rows + NUMBERS, rows + 2 * NUMBERS, rows + 3 * NUMBERS
+    rows[3 * NUMBERS + OF_LAG] = 1.0
 
 
-cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
-    """Start the filters at a sample at rest with the state x~, which errs as the steady gain of its filter says."""
-    cdef double gain = s.observer.gains[(s.observer.gain_rows - 1) * s.observer.states], pressure
-    cdef int64_t i, k
-    live, line = &s.live, &s.coefficients.line.lump
-    live.states = LIVE_STATES if s.observer.constants.needle.stop > 0.0 else OF_DELAY
-    live.falls = False
-    live.variance = (1.0 - gain) / s.observer.memory.innovation_noise.weight
-    pressure = gain * live.variance
-    memset(live.mean, 0, sizeof(live.mean))
-    memcpy(live.mean, _x_hat(s, position), 3 * sizeof(double))
-    live.mean[SHOWN] = s.observer.ring[position & MASK].indicated
-    for i in range(<int64_t> FILTERS):
-        filter = &live.filters[i]
-        memcpy(filter.mean, live.mean, sizeof(live.mean))
-        memset(filter.covariance, 0, sizeof(filter.covariance))
-        filter.covariance[0][0] = filter.covariance[SHOWN][SHOWN] = pressure
-        filter.covariance[0][SHOWN] = filter.covariance[SHOWN][0] = pressure
-        filter.covariance[1][1] = pressure * line.a3 / line.a1
-        for k in range(2):
-            filter.covariance[OF_NOZZLE + k][OF_NOZZLE + k] = WIDTHS[i][k] * WIDTHS[i][k]
-        if live.states > OF_DELAY:
-            filter.covariance[OF_DELAY][OF_DELAY] = 1.0
-        filter.log_weight = log(ODDS[i])
-    _go_on_as(s.of_live, s.of_tilde)
-    live.follows, live.has_widened = True, False
+cdef void _lend_tangent(Stepping* s, Tangent* t, double* rows) noexcept nogil:
+    """Lend a tangent its arrays, LIVE_ROWS rows (NUMBERS,) for each state, and 8."""
+    cdef int64_t of_states = s.coefficients.states * NUMBERS
+    live = &s.live
+    t.n, t.m, t.size = s.coefficients.states, NUMBERS, s.coefficients.size
+    t.by, t.moved, t.by_number = rows, rows + of_states, rows + 2 * of_states
+    t.by_state, t.by_flow, t.by_coefficient = rows + 6 * of_states, rows + 7 * of_states, rows + 8 * of_states
+    t.of_flows = rows + LIVE_ROWS * of_states
+    t.parts, t.neurons = live.parts, live.no_neurons
+    t.theta.seat_bias, t.theta.nozzle, t.theta.valve, t.theta.valve_sizes = OF_SEAT, live.unused, live.unused, live.no_sizes
+    t.theta.needle, t.theta.needle_sizes = live.needle, live.needle_sizes
+    t.theta.columns, t.theta.coefficients, t.theta.slopes = live.columns, live.numbers, live.slopes
 
 
-cdef inline bint _has_white_innovations(Stepping* s) noexcept nogil:
-    """Whether x~ leaves white noise: of a lump line, without coloured noise or a pilot valve that is seen late."""
-    cdef bint is_white
-    memory = s.observer.memory
-    is_white = memory.judgement.offset_moves and memory.prior.healthy_variance < WHITE  # an offset under colour is held
-    return is_white and s.coefficients.cells == 0 and memory.in_force.watch_later == 0 and memory.innovation_noise.weight > 0.0
+cdef inline void _take_line_slopes(Stepping* s) noexcept nogil:
+    """Take the slopes of the line in force by friction and stiffness, as shares."""
+    cdef int64_t i, pairs = 1, n = s.coefficients.size
+    live, line, values = &s.live, &s.coefficients.line, s.coefficients.line.values
+    live.columns[0] = OF_FRICTION
+    live.numbers[0] = (&line.lump.a4 if s.coefficients.cells == 0 else &line.wave.a4) - values
+    live.slopes[0] = values[live.numbers[0]]
+    for i in range(n):
+        if s.coefficients.of_stiffness[i] != 0.0:
+            live.columns[pairs], live.numbers[pairs], live.slopes[pairs] = OF_STIFFNESS, i, values[i]
+            pairs += 1
+    live.of_tilde.tangent.theta.pairs = live.of_hat.theta.pairs = pairs
+
+
+cdef void _begin_live(Stepping* s) noexcept nogil:
+    """Start bank and derivatives with the needle about to open."""
+    live, g = &s.live, &s.live.of_tilde
+    cdef int64_t size = s.coefficients.states * NUMBERS * sizeof(double)
+    live.follows, live.has_widened, live.falls = True, False, False
+    live.followed, live.samples, live.innovation, live.counted = 0, 0, 0.0, 0
+    memset(live.slopes_sum, 0, sizeof(live.slopes_sum))
+    memset(g.tangent.by, 0, size)
+    memset(live.of_hat.by, 0, size)
+    memset(g.indicated, 0, NUMBERS * sizeof(double))
+    _take_line_slopes(s)
+    live.needle[OPENING_DELAY] = OF_DELAY
+    begin_bank(&live.bank, WIDTHS)
+    _point_at_newest(&g.tangent, &live.bank)
+    _point_at_newest(&live.of_hat, &live.bank)
+    if s.observer.constants.needle.stop > 0.0:
+        begin_anew(&live.bank, OF_DELAY, NEEDLE_JITTER)
+
+
+cdef inline void _point_at_newest(Tangent* t, const FilterBank* bank) noexcept nogil:
+    """Have the flow's derivatives go into the column of the present stretch, and no longer into others."""
+    t.theta.nozzle_bias = newest_of(bank)
+    memset(t.of_flows, 0, 8 * NUMBERS * sizeof(double))
+
+
+cdef inline Gradient* _gradient(Stepping* s) noexcept nogil:
+    """Derivatives that are carried along with x~; NULL while no injection is followed."""
+    return &s.live.of_tilde if s.live.follows else NULL
+
+
+cdef void _look_for_opening(Stepping* s, int64_t position) noexcept nogil:
+    """Begin to follow an injection at the first sample after rest, and end with rest.
+
+    None is followed while the noise is coloured, which the filters would take for something in the injection.
+    """
+    cdef bint is_white = s.observer.memory.judgement.offset_moves  # an offset under colour is held
+    if s.observer.ring[position & MASK].resting or not is_white:
+        s.live.follows = False
+    elif not s.live.follows and s.observer.ring[(position - 1) & MASK].resting:
+        _begin_live(s)
+
+
+cdef inline void _delay_needle(Stepping* s, Interval* interval, double falls_by) noexcept nogil:
+    """Give an interval's area its slope by the delay; falls_by: the area's drop over it."""
+    cdef bint is_commanded
+    live = &s.live
+    is_commanded = s.observer.constants.needle.stop > 0.0
+    if is_commanded and falls_by != 0.0 and (falls_by > 0.0) != live.falls:  # another edge
+        live.falls = not live.falls
+        live.needle[OPENING_DELAY] = OF_CLOSING if live.falls else OF_DELAY
+        begin_anew(&live.bank, live.needle[OPENING_DELAY], NEEDLE_JITTER)
+        _point_at_newest(&live.of_tilde.tangent, &live.bank)
+        _point_at_newest(&live.of_hat, &live.bank)
+    interval.start.by_needle[OPENING_DELAY] = interval.end.by_needle[OPENING_DELAY] = falls_by / s.interval
 
 
 cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
-    """Give a sample's row the rate by the filters, which begin with the needle at rest; else it keeps that of x^."""
+    """Correct the bank by a sample, and give the sample's row the rate by it; else the row keeps that of x^."""
     cdef double rate, sigma
     live, row = &s.live, &s.observer.ring[position & MASK]
     row.open_loop_rate, row.rate_sigma, row.as_believed = row.injection_rate, NAN, 1.0
-    if row.resting or not _has_white_innovations(s):
-        live.follows = False
-        return
     if not live.follows:
-        if not s.observer.ring[(position - 1) & MASK].resting:
-            return
-        _begin_live(s, position - 1)
-    _advance_live(s, position)
+        return
+    _widen_first_filter(live, &s.observer.memory.operating_point)
+    _take_innovation(s, position)
     rate = _live_rate(s, position, &sigma)
-    s.forced.network = s.network
-    live.follows = isfinite(rate + sigma)
+    if row.seat_area > 0.0:
+        _go_through_stretch(s)
+    live.follows = fabs(rate) + sigma < FURTHEST * s.coefficients.nozzle.flow  # neither, if not finite
     if live.follows:
         factor = s.observer.memory.in_force.flow_factor
-        row.injection_rate, row.rate_sigma, row.as_believed = factor * rate, factor * sigma, live.filters[0].weight
+        row.injection_rate = max(row.injection_rate + factor * rate, 0.0)
+        row.rate_sigma, row.as_believed = factor * sigma, live.bank.filters[0].weight
 
 
-cdef void _advance_live(Stepping* s, int64_t position) noexcept nogil:
-    """Advance all filters by a sample, and correct them by the line pressure where it is known."""
-    cdef double shown, walk_steps, flow_sigma, innovation = 0.0
-    cdef bint is_measured
-    cdef int64_t i
-    observer, live = s.observer, &s.live
-    before, row = &observer.ring[(position - 1) & MASK], &observer.ring[position & MASK]
-    _widen_first_filter(live, &observer.memory.operating_point)
-    shown = _predict_live(s, position)
-    is_measured = row.innovation != 0.0
-    if is_measured:
-        y = observer.ring[(position + observer.constants.sensor.late) & MASK].line_pressure
-        innovation = trusted_under_terms(y - observer.memory.pair.offset - shown, s.interval, s.of_live)
-    walk_steps = s.interval / WALK_STEP if before.seat_area > 0.0 or row.seat_area > 0.0 else 0.0
-    flow_sigma = s.coefficients.line.lump.a3 * s.interval * observer.channels[RAIL].noise
-    for i in range(<int64_t> FILTERS):
-        _advance_filter(
-            live, &live.filters[i], WIDTHS[1 if i == 0 and live.has_widened else i], walk_steps,
-            flow_sigma * flow_sigma * observer.constants.rail_every, innovation, is_measured
-        )
-    _mix_filters(live)
+cdef inline void _take_innovation(Stepping* s, int64_t position) noexcept nogil:
+    """Add up the newest innovation that is final, and correct the bank by as many together as the line resolves."""
+    cdef double noise = WIDER / s.observer.memory.innovation_noise.weight
+    cdef int64_t later = min(s.observer.memory.in_force.watch_later, <int64_t> LATER - 1), j
+    cdef double innovation = s.observer.ring[(position - later) & MASK].innovation
+    live = &s.live
+    memcpy(live.later[position % LATER], live.of_tilde.error, sizeof(live.later[0]))
+    live.followed += 1
+    if live.followed <= later or innovation == 0.0:
+        return
+    slopes = live.later[(position - later) % LATER]
+    live.innovation += innovation
+    for j in range(<int64_t> NUMBERS):
+        live.slopes_sum[j] += slopes[j]
+    live.counted += 1
+    if live.counted < live.together:
+        return
+    correct_filters(&live.bank, live.innovation, live.slopes_sum, live.counted * noise, LEAST_FRICTION)
+    live.innovation, live.counted = 0.0, 0
+    memset(live.slopes_sum, 0, sizeof(live.slopes_sum))
+
+
+cdef inline void _go_through_stretch(Stepping* s) noexcept nogil:
+    """Count a sample with the needle open, and begin another stretch where one is over, between innovations."""
+    live = &s.live
+    live.samples += 1
+    if live.samples * s.interval < STRETCH or live.counted > 0:
+        return
+    live.samples = 0
+    if live.bank.stretches == STRETCHES:
+        forget_stretch(&live.bank)
+        _join_oldest(live.of_tilde.tangent.by, s.coefficients.states)
+        _join_oldest(live.of_tilde.indicated, 1)
+        _join_oldest(live.of_hat.by, s.coefficients.states)
+        _join_oldest(live.later[0], LATER)
+    begin_stretch(&live.bank)
+    _point_at_newest(&live.of_tilde.tangent, &live.bank)
+    _point_at_newest(&live.of_hat, &live.bank)
+
+
+cdef inline void _join_oldest(double* by, int64_t rows) noexcept nogil:
+    """Have the oldest stretch act as the next one, in derivatives (rows, NUMBERS); the last column becomes 0."""
+    cdef int64_t i, j
+    for i in range(rows):
+        row = by + i * NUMBERS + OF_NOZZLE
+        row[1] += row[0]
+        for j in range(<int64_t> STRETCHES - 1):
+            row[j] = row[j + 1]
+        row[STRETCHES - 1] = 0.0
 
 
 cdef inline void _widen_first_filter(Live* live, const OperatingPoint* point) noexcept nogil:
     """Let the first filter go as far as the second, once no event has shown the flow for so long an opening."""
-    cdef int64_t i
     if live.has_widened or point.in_learned_range:
         return
-    live.has_widened = True
+    live.has_widened, live.bank.walks[0] = True, live.bank.walks[1]
     if point.known_until == 0.0:  # else its spread is that of the part of the opening that is known
-        for i in range(2):
-            live.filters[0].covariance[OF_NOZZLE + i][OF_NOZZLE + i] += WIDTHS[1][i] * WIDTHS[1][i]
-
-
-cdef double _predict_live(Stepping* s, int64_t position) noexcept nogil:
-    """Predict the filters' mean by a sample, with derivatives; returns the line pressure that should be recorded."""
-    cdef double[4] x
-    cdef double shown, indicated
-    cdef int64_t i
-    in_force, live = &s.observer.memory.in_force, &s.live
-    before, row = &s.observer.ring[(position - 1) & MASK], &s.observer.ring[position & MASK]
-    memcpy(x, live.mean, 3 * sizeof(double))
-    x[3], indicated = 0.0, live.mean[SHOWN]
-    for i in range(2):
-        live.bias[i] = in_force.bias[i] + max(live.mean[OF_NOZZLE + i], LEAST_CHANGE)
-    _begin_derivatives(live)
-    s.forced.network = live.network
-    _force(s, position, x, &live.network, s.of_live)
-    if live.states > OF_DELAY:
-        _delay_needle(live, before.seat_area - row.seat_area, NEEDLE_JITTER / s.interval, &s.forced.interval)
-    shown = predict(x, &indicated, &s.forced, s.fraction, in_force.sensor, &live.gradient)
-    _take_derivatives(live)
-    memcpy(live.moved_mean, live.mean, sizeof(live.mean))
-    memcpy(live.moved_mean, x, 3 * sizeof(double))
-    live.moved_mean[SHOWN] = indicated
-    return shown_under_terms(shown, &s.forced, s.of_live)
-
-
-cdef inline void _begin_derivatives(Live* live) noexcept nogil:
-    """Let line, sac and indicated pressure have the derivative 1 by themselves before a sample."""
-    cdef int64_t i
-    memset(live.by, 0, sizeof(live.by))
-    memset(live.indicated, 0, sizeof(live.indicated))
-    for i in range(3):
-        live.by[i * LIVE_COLUMNS + i] = 1.0
-    live.indicated[SHOWN] = 1.0
-
-
-cdef inline void _take_derivatives(Live* live) noexcept nogil:
-    """Write the derivatives of all states over the sample into `change`; flows passed more and the delay stay."""
-    cdef int64_t i, j
-    memset(live.change, 0, sizeof(live.change))
-    for i in range(<int64_t> LIVE_STATES):
-        for j in range(3):
-            live.change[j][i] = live.by[j * LIVE_COLUMNS + i]
-        live.change[SHOWN][i] = live.indicated[i]
-    live.change[OF_NOZZLE][OF_NOZZLE] = live.change[OF_SEAT][OF_SEAT] = live.change[OF_DELAY][OF_DELAY] = 1.0
-
-
-cdef void _delay_needle(Live* live, double falls_by, double samples, Interval* interval) noexcept nogil:
-    """Shift an interval's area by the delay. falls_by: the area's drop over it; samples: the delay's unit in samples."""
-    cdef int64_t i, k
-    if falls_by != 0.0 and (falls_by > 0.0) != live.falls:  # another edge
-        live.falls = not live.falls
-        live.mean[OF_DELAY] = 0.0
-        for i in range(<int64_t> FILTERS):
-            filter = &live.filters[i]
-            filter.mean[OF_DELAY] = 0.0
-            for k in range(<int64_t> LIVE_STATES):
-                filter.covariance[OF_DELAY][k] = filter.covariance[k][OF_DELAY] = 0.0
-            filter.covariance[OF_DELAY][OF_DELAY] = 1.0
-    interval.start.by_needle[OPENING_DELAY] = interval.end.by_needle[OPENING_DELAY] = falls_by * samples
-    interval.start.area += falls_by * samples * live.mean[OF_DELAY]
-    interval.end.area += falls_by * samples * live.mean[OF_DELAY]
-
-
-cdef inline double _with_products(double total, const double* left, const double* right, int64_t n) noexcept nogil:
-    """A total with the scalar product of two vectors (n,) added to it, one product after another."""
-    cdef int64_t k
-    for k in range(n):
-        total += left[k] * right[k]
-    return total
-
-
-cdef void _advance_filter(
-    Live* live, Filter* filter, const double* widths, double walk_steps, double flow_noise, double innovation,
-    bint is_measured
-) noexcept nogil:
-    """Predict a filter by a sample, and correct it by the innovation [p_0] at the filters' mean if there is one.
-
-    walk_steps: of the random walks; flow_noise: variance of Q_L by the rail's noise in the sample.
-    """
-    cdef double[LIVE_STATES][LIVE_STATES] moved
-    cdef double[LIVE_STATES] away
-    cdef double[LIVE_STATES] with_error
-    cdef double error, variance
-    cdef int64_t i, j, n = live.states
-    for i in range(2):
-        filter.covariance[OF_NOZZLE + i][OF_NOZZLE + i] += walk_steps * widths[2 + i] * widths[2 + i]
-    for i in range(n):
-        away[i] = filter.mean[i] - live.mean[i]
-        with_error[i] = _with_products(0.0, filter.covariance[i], live.error, n)
-        for j in range(n):
-            moved[i][j] = _with_products(0.0, live.change[i], filter.covariance[j], n)
-    variance = _with_products(live.variance, live.error, with_error, n)
-    error = _with_products(innovation, live.error, away, n)
-    for i in range(n):
-        with_error[i] = _with_products(0.0, moved[i], live.error, n)
-        filter.mean[i] = _with_products(live.moved_mean[i], live.change[i], away, n)
-        for j in range(i + 1):
-            filter.covariance[i][j] = filter.covariance[j][i] = _with_products(0.0, moved[i], live.change[j], n)
-    filter.covariance[1][1] += flow_noise
-    if not is_measured:
-        return
-    filter.log_weight -= 0.5 * (log(variance) + error * error / variance)
-    for i in range(n):
-        filter.mean[i] -= with_error[i] / variance * error
-        for j in range(i + 1):
-            filter.covariance[i][j] -= with_error[i] * with_error[j] / variance
-            filter.covariance[j][i] = filter.covariance[i][j]
-
-
-cdef void _mix_filters(Live* live) noexcept nogil:
-    """Weigh the filters by their likelihoods, and form the mean of them all."""
-    cdef double total = 0.0
-    cdef double largest = max(live.filters[0].log_weight, live.filters[1].log_weight, live.filters[2].log_weight)
-    cdef int64_t i, j
-    memset(live.mean, 0, sizeof(live.mean))
-    for i in range(<int64_t> FILTERS):
-        live.filters[i].log_weight -= largest
-        live.filters[i].weight = exp(live.filters[i].log_weight)
-        total += live.filters[i].weight
-    for i in range(<int64_t> FILTERS):
-        live.filters[i].weight /= total
-        for j in range(<int64_t> LIVE_STATES):
-            live.mean[j] += live.filters[i].weight * live.filters[i].mean[j]
+        widen_flow(&live.bank.filters[0], live.bank.stretches, FLOW, FLOW)
 
 
 cdef double _live_rate(Stepping* s, int64_t position, double* sigma) noexcept nogil:
-    """Return the injection rate [m3/s] at the filters' mean; sigma: its standard deviation by all of them."""
-    cdef double[LIVE_STATES] by
-    cdef double variance = 0.0, apart
-    cdef double* bias = s.of_live.bias if s.of_live.rows > 0 else s.live.bias
+    """Return what the bank adds to the injection rate of x^ [m3/s]; sigma: standard deviation of the rate."""
+    cdef double[NUMBERS] by
+    cdef double moved = 0.0, variance = 0.0, along
     cdef FlowSlopes flows
     cdef Inputs u = s.forced.interval.end
-    cdef int64_t f, i, j
-    live = &s.live
+    cdef int64_t i, j
+    x, t, bank = _x_hat(s, position), &s.live.of_hat, &s.live.bank
     sigma[0] = 0.0
     u.area = max(u.area, 0.0)
-    if u.area <= 0.0 and live.mean[SAC] == 0.0:
+    if u.area <= 0.0 and x[SAC] == 0.0:
         return 0.0
-    for i in range(2):
-        bias[i] += max(live.mean[OF_NOZZLE + i], LEAST_CHANGE) - max(live.moved_mean[OF_NOZZLE + i], LEAST_CHANGE)
-    flow_slopes(live.mean, &u, &s.forced.coefficients, &s.forced.network, &flows)
-    memset(by, 0, sizeof(by))
-    memcpy(by, flows.h_x, 3 * sizeof(double))
-    by[OF_NOZZLE] = flows.h_change
-    for f in range(<int64_t> FILTERS):
-        filter = &live.filters[f]
-        apart = 0.0
-        for i in range(<int64_t> LIVE_STATES):
-            apart += by[i] * (filter.mean[i] - live.mean[i])
-            for j in range(<int64_t> LIVE_STATES):
-                variance += filter.weight * by[i] * filter.covariance[i][j] * by[j]
-        variance += filter.weight * apart * apart
+    flow_slopes(x, &u, &s.forced.coefficients, &s.forced.network, &flows)
+    flow_slopes_by_theta(u, &flows, t, t.of_flows, t.of_flows + NUMBERS)
+    for j in range(<int64_t> NUMBERS):
+        by[j] = t.of_flows[j]
+        for i in range(3):
+            by[j] += flows.h_x[i] * t.by[i * NUMBERS + j]
+    for j in range(<int64_t> NUMBERS):
+        along = 0.0
+        for i in range(<int64_t> NUMBERS):
+            along += bank.covariance[j][i] * by[i]
+        moved += by[j] * bank.mean[j]
+        variance += by[j] * along
     sigma[0] = s.coefficients.nozzle.flow * sqrt(max(variance, 0.0))
-    return s.coefficients.nozzle.flow * flows.q_h
+    return s.coefficients.nozzle.flow * moved

@@ -125,7 +125,6 @@ cdef struct Event:
     int64_t judged_before  # events, when it closed
     int64_t injections  # begun, when it closed
     signed char taken  # stream.VerdictKind, once it was judged
-    unsigned char differs  # from what was believed while it ran, by the filters of live.pxi
     # as they were at the event's end
     Standstill standstill
     RestingLift resting_lift
@@ -234,7 +233,6 @@ cdef struct OperatingPoint:
     double widest  # seat area so far
     double up_until  # s since it opened, until which it did not fall
     double flow  # sum of the rates of its samples with an open needle
-    double open_loop_flow  # .. of those of x^ without the filters
     int64_t flowing  # how many they are
 
 # judgement.pxi
@@ -247,8 +245,6 @@ cdef struct Judgement:
     unsigned char waiting  # the head of `events` is due and must be judged before going on: step.pxi
     int64_t halted_in  # event in which a needle stopped too low (step.pxi, false_openings.pxi), 0 once one has passed
     int64_t phi_version
-    unsigned char differed  # the last event, from what was believed while it ran
-    unsigned char flow_differs  # .. and by its flow, as its own fit says
     unsigned char offset_moves  # slow innovations at rest are the offset's, not the colour of the noise
 
 # pair.pxi: the pair x~, x^ is in the ring; what else it needs
@@ -288,7 +284,6 @@ cdef struct EventUnderWay:
     int64_t opening_position  # of its first opening
     unsigned char learnable  # not after what step.pxi and false_openings.pxi find
     signed char fault  # Reason its samples are not to be trusted (step.pxi, false_openings.pxi), 0 when they are
-    unsigned char differs  # from what was believed, by the filters (judgement.pxi)
 
 # events.pxi
 cdef struct Counts:
@@ -402,7 +397,6 @@ cdef struct Verdict:
     int64_t earlier  # the event's number, if what was learned from one before is to take force with it
     # what was learned
     unsigned char is_adopted
-    unsigned char is_of_flow  # what the event showed, if it showed a change
     double innovation_sigma
     double noise[3]  # of the channels
     Carried carried

@@ -267,7 +267,7 @@ cdef void _mark(Observer* observer, int64_t position) noexcept nogil:
         is_beyond_limit(observer), monitor.falls >= INJECTIONS_UNSEEN,
         judgement.events_judged - judgement.doubtful_events, observer.constants.events_required,
         is_flow_known(observer, position), judgement.reason, monitor.contradicted or judgement.halted_in > 0,
-        judgement.phi_version > 0, observer.constants.needle.stop > 0.0 and not row.resting
+        judgement.phi_version > 0, observer.constants.needle.stop > 0.0 and not row.resting and not is_seen(observer, position)
     )
     row.reason = reason_of_sample(&facts)
     row.valid = row.reason == REASON_NONE

@@ -3,57 +3,45 @@
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.model cimport Terms
-from observer_rt.core.model.records cimport MOST_COEFFICIENTS, WIDTH, Coefficients, Forced, Forcing, Gradient, Network
-from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
+from observer_rt.core.model.needle cimport NEEDLE_NUMBERS
+from observer_rt.core.model.network cimport CURVES
+from observer_rt.core.model.records cimport MOST_COEFFICIENTS, Coefficients, Forced, Forcing, Gradient, Network, Tangent
 from observer_rt.core.model.valve cimport Stroke, Strokes
+from observer_rt.core.stream.filter_bank cimport NUMBERS, FilterBank
 from observer_rt.core.stream.state cimport Observer
 from observer_rt.core.stream.stream cimport PairStepper, Stream
 
 
 cdef enum:
-    FILTERS = 3
-    LIVE_STATES = 7  # p_L, Q_L, p_S, and
-    OF_NOZZLE = 3  # .. what the nozzle passes more, as a share,
-    OF_SEAT = 4  # .. the seat,
-    SHOWN = 5  # .. the indicated pressure,
-    OF_DELAY = 6  # .. how much later than learned a needle answers whose lift is not recorded, in NEEDLE_JITTER
-    LIVE_PARTS = 2
-    LIVE_COLUMNS = LIVE_PARTS * WIDTH  # of all states, and one to spare
+    LIVE_PARTS = 4  # columns of a tangent together: NUMBERS / WIDTH
+    LIVE_ROWS = 10  # of the scratch for each state
+    LATER = 256  # samples that are remembered until a pilot valve is known to have moved
 
 
-cdef struct Filter:
-    double[LIVE_STATES] mean
-    double[LIVE_STATES][LIVE_STATES] covariance
-    double log_weight
-    double weight
-
-
-# live.pxi: the filters, and their scratch.
+# live.pxi: the bank of filters, derivatives of x~ and x^ by its numbers, and their scratch.
 cdef struct Live:
     bint follows
     bint has_widened  # the first filter, for the flow is not known here
     bint falls  # the needle, whose lift is not recorded
-    int64_t states  # that there are
-    double variance  # of a sample of the line pressure [p_0^2], as the innovation monitor expects it
-    Filter[FILTERS] filters
-    double[LIVE_STATES] mean  # of them all
-    double[LIVE_STATES] moved_mean  # the same, predicted
-    double[LIVE_STATES][LIVE_STATES] change  # of a state by that a sample before
-    double[2] bias  # b of the network with what is passed more
-    Network network
-    Gradient gradient
+    int64_t followed  # samples since the opening,
+    int64_t samples  # .. and of the present stretch
+    double[LATER][NUMBERS] later  # slopes of the last innovations
+    int64_t together  # innovations whose mean counts,
+    int64_t counted  # of them so far,
+    double innovation  # .. their sum [p_0],
+    double[NUMBERS] slopes_sum  # .. and its slopes
+    FilterBank bank
+    Gradient of_tilde
+    Tangent of_hat
     unsigned char[LIVE_PARTS] parts
-    double[4 * LIVE_COLUMNS] by
-    double[4 * LIVE_COLUMNS] moved
-    double[4 * 4 * 4] by_state
-    double[4 * 4 * LIVE_COLUMNS] by_number
-    double[4 * 4 * 2] by_flow
-    double[4 * 2 * LIVE_COLUMNS] of_flows
-    double[4 * MOST_COEFFICIENTS] by_coefficient
-    double[SENSOR_NUMBERS * LIVE_COLUMNS] no_numbers  # zeros
-    double[LIVE_COLUMNS] before
-    double[LIVE_COLUMNS] indicated
-    double[LIVE_COLUMNS] error
+    int64_t[MOST_COEFFICIENTS] columns  # of friction and stiffness, with their coefficients of the line
+    int64_t[MOST_COEFFICIENTS] numbers
+    double[MOST_COEFFICIENTS] slopes
+    int64_t[NEEDLE_NUMBERS] needle
+    double[NEEDLE_NUMBERS] needle_sizes
+    int64_t[NEEDLE_NUMBERS] unused  # columns that nobody reads
+    double[NEEDLE_NUMBERS] no_sizes  # zeros
+    int64_t[CURVES] no_neurons  # zeros
 
 
 cdef struct Stepping:
@@ -71,7 +59,6 @@ cdef struct Stepping:
     Observer* observer
     Forcing* of_tilde
     Forcing* of_hat
-    Forcing* of_live
     Live live
 
 
@@ -80,4 +67,4 @@ cdef class Stepper(PairStepper):
     cdef Stream stream
     cdef Terms terms_of_tilde
     cdef Terms terms_of_hat
-    cdef Terms terms_of_live
+    cdef double[:, ::1] scratch

@@ -1,20 +1,26 @@
 """Stepper of the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
 
-from libc.math cimport NAN, exp, isfinite, log, pow, sqrt
+from libc.math cimport NAN, fabs, isfinite, pow, sqrt
 from libc.stdint cimport int32_t, int64_t
 from libc.string cimport memcpy, memset
 
+from numpy import zeros
+
 from observer_rt.core.model.model cimport (
-    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, rate_and_phi, flow_slopes, follow_stroke,
+    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, rate_and_phi, flow_slopes, flow_slopes_by_theta, follow_stroke,
     is_shut_under_terms, needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
-    BY_NOZZLE, BY_SEAT, PAST_NUMBERS, SAC, TOTALS, Coefficients, FlowSlopes, Forced, Forcing, Inputs, Interval, Knot,
-    Network, inputs_of, opened_since
+    BY_LINE, BY_NOZZLE, BY_SEAT, PAST_NUMBERS, SAC, TOTALS, Coefficients, FlowSlopes, Forced, Forcing, Gradient, Inputs,
+    Interval, Knot, Network, Tangent, inputs_of, opened_since
 )
 from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS, OPENING_DELAY
-from observer_rt.core.model.network cimport CURVES
-from observer_rt.core.model.valve cimport VALVE_NUMBERS, VALVE_TAIL, Stroke, valve_edge
+from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
+from observer_rt.core.model.valve cimport VALVE_TAIL, Stroke, valve_edge
+from observer_rt.core.stream.filter_bank cimport (
+    EXPLANATIONS, NUMBERS, OF_CLOSING, OF_DELAY, OF_FRICTION, OF_LAG, OF_NOZZLE, OF_OFFSET, OF_SEAT, OF_STIFFNESS, STRETCHES, UNUSED,
+    FilterBank, Widths, begin_anew, begin_bank, begin_stretch, correct_filters, forget_stretch, newest_of, widen_flow
+)
 from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint
 from observer_rt.core.stream.stream cimport Stream
 
@@ -30,7 +36,7 @@ cdef class Stepper(PairStepper):
         if model.coefficients.states != stream.observer.states:
             raise ValueError(f"a model of {model.coefficients.states} states for {stream.observer.states} of the observer")
         self.stream = stream
-        self.terms_of_tilde, self.terms_of_hat, self.terms_of_live = Terms(program), Terms(program), Terms(program)
+        self.terms_of_tilde, self.terms_of_hat = Terms(program), Terms(program)
         s.coefficients = s.forced.coefficients = model.coefficients
         s.network.curves, s.network.bias = &memory.in_force.curves[0][0], memory.in_force.bias
         s.network.nozzle = memory.in_force.nozzle
@@ -40,8 +46,10 @@ cdef class Stepper(PairStepper):
         s.command = s.command_before = s.strokes.last
         s.observer = &stream.observer
         s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
-        s.of_live = &self.terms_of_live.forcing
-        _prepare_live(s)
+        rows = 2 * (LIVE_ROWS * model.coefficients.states + 8) + SENSOR_NUMBERS + 3
+        self.scratch = zeros((rows, NUMBERS))
+        s.live.together = max(1, round(constants.coefficients.line.resolved / constants.interval))
+        _lend_live(s, self.scratch)
         self.step, self.stepper = step, s
 
     def go_on_from(self, Stepper before) -> None:
@@ -49,13 +57,13 @@ cdef class Stepper(PairStepper):
         if before.terms_of_tilde.forcing.rows != self.terms_of_tilde.forcing.rows:
             raise ValueError("other terms than before")
         self.terms_of_tilde, self.terms_of_hat = before.terms_of_tilde, before.terms_of_hat
-        self.terms_of_live = before.terms_of_live
+        self.scratch = before.scratch
         s = &self.stepping
         s.strokes, s.started, s.commands = before.stepping.strokes, before.stepping.started, before.stepping.commands
         s.command, s.command_before = before.stepping.command, before.stepping.command_before
         s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
-        s.of_live, s.live = &self.terms_of_live.forcing, before.stepping.live
-        _prepare_live(s)
+        s.live = before.stepping.live
+        _lend_live(s, self.scratch)
 
 
 cdef double step(void* stepper, int64_t what, int64_t position) noexcept nogil:
@@ -101,6 +109,8 @@ cdef inline void _force(
     interval.start.since = opened_since(before.opened_since, before.seat_area, row.seat_area)
     interval.end.since = row.opened_since = interval.start.since + s.interval
     interval.length, interval.substeps = s.interval, s.substeps
+    if s.live.follows:
+        _delay_needle(s, &interval, before.seat_area - row.seat_area)
     knot.share, knot.area = before.lift_after, before.lift_area
     under_terms(x, &interval, knot, &s.coefficients, network, forcing, &s.forced)
 
@@ -138,7 +148,8 @@ cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
     _take_line(s)
     if _follow_valve(s, position):
         _run_again(s, position)
-    return _predict_sample(s, position)
+    _look_for_opening(s, position)
+    return _predict_sample(s, position, _gradient(s))
 
 
 cdef bint _follow_valve(Stepping* s, int64_t position) noexcept nogil:
@@ -212,20 +223,23 @@ cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
     for k in range(max(earliest, <int64_t> (s.strokes.edge - before - VALVE_TAIL * valve_edge(s.interval))), position):
         row = &ring[k & MASK]
         row.valve = _valve_at(s, k)
-        shown = _predict_sample(s, k)
+        shown = _predict_sample(s, k, NULL)
         if row.innovation != 0.0:
             y = ring[(k + s.observer.constants.sensor.late) & MASK].line_pressure
             row.innovation = y - s.observer.memory.pair.offset - shown
-        _move_pair(s, k)
+        _move_pair(s, k, NULL)
 
 
-cdef double _predict_sample(Stepping* s, int64_t position) noexcept nogil:
-    """Predict x~ from the sample before, with the valve as it is in the samples' rows; returns as `_predict`."""
+cdef double _predict_sample(Stepping* s, int64_t position, Gradient* gradient) noexcept nogil:
+    """Predict x~ from the sample before, with the valve as it is in the samples' rows; returns as `_predict`.
+
+    gradient: carried along, NULL: none.
+    """
     cdef double indicated = s.observer.ring[(position - 1) & MASK].indicated, shown
     x_tilde = _x_tilde(s, position)
     memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))
     _force(s, position, x_tilde, &s.network, s.of_tilde)
-    shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.in_force.sensor, NULL)
+    shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.in_force.sensor, gradient)
     s.observer.ring[position & MASK].indicated = indicated
     return shown_under_terms(shown, &s.forced, s.of_tilde)
 
@@ -234,7 +248,7 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
     """Correct x~ by the sample's innovation, step x^ and note its rate; NaN if a state is no longer finite."""
     cdef double total = 0.0
     cdef int64_t i
-    _move_pair(s, position)
+    _move_pair(s, position, _gradient(s))
     if s.observer.ring[position & MASK].resting:
         _read(s, position, &s.coefficients, &s.network)
     else:
@@ -246,8 +260,8 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
     return 0.0 if isfinite(total) else NAN
 
 
-cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
-    """Correct x~ by the sample's innovation, and step x^.
+cdef void _move_pair(Stepping* s, int64_t position, Gradient* gradient) noexcept nogil:
+    """Correct x~ by the sample's innovation, and step x^; gradient: carried along with x~, NULL: none with either.
 
     With the needle long shut x^ := x~, the sac at chamber pressure but for a term; else x^ runs open loop.
     """
@@ -257,7 +271,7 @@ cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
     x_tilde, x_hat = _x_tilde(s, position), _x_hat(s, position)
     gain = s.observer.gains + min(s.observer.memory.pair.since_start, s.observer.gain_rows - 1) * states
     trusted = trusted_under_terms(row.innovation, s.interval, s.of_tilde)
-    correct(x_tilde, &row.indicated, trusted, gain, states, NULL)
+    correct(x_tilde, &row.indicated, trusted, gain, states, gradient)
     _take_line(s)
     if row.resting:
         if is_shut_under_terms(s.of_tilde):
@@ -267,7 +281,8 @@ cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
     else:
         memcpy(x_hat, _x_hat(s, position - 1), states * sizeof(double))
         _force(s, position, x_hat, &s.network, s.of_hat)
-        advance_over(x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL)
+        of_hat = NULL if gradient == NULL else &s.live.of_hat
+        advance_over(x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, of_hat)
 
 
 cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Network* network) noexcept nogil:

@@ -39,7 +39,7 @@ cdef struct SampleFacts:
     int64_t judgement  # Reason the last judged event did not pass
     bint is_contradicted  # by the innovations since, or by how the needle opened
     bint has_learned  # something is in force
-    bint is_preliminary  # the needle may be open, and its lift is not recorded
+    bint is_preliminary  # the needle may move, and its lift is not recorded
 
 
 cdef inline int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:

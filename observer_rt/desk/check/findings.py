@@ -15,7 +15,7 @@ from observer_rt.foundation.errors import UserError
 SCHEMA = 1
 P = ParamSpec("P")
 WITHOUT_LIFT = (
-    "needle_lift: not measured, learned by the energizing; rates are PRELIMINARY until the needle is shut, its "
+    "needle_lift: not measured, learned by the energizing; rates are PRELIMINARY while it moves, its "
     "delays and speeds are told; fit finds them, discover needs a lift"
 )
 _WIDEST = 100  # characters: to be read, and passed on

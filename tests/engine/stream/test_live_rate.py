@@ -1,10 +1,8 @@
 """The live rate follows the running injection: a mixture of filters beside x^, by plain formulas and on plants."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,102 +13,118 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.model.effective import Coefficients
+from observer_rt.foundation.units import Floats
 from observer_rt.model.effects import sized
 from observer_rt.model.network import constant_network
-from tests.engine.sample_stream import NOISE, NOMINAL, Stream, stroke
+from tests.engine.learning.learner_adapter import GOLDEN
+from tests.engine.sample_stream import NOMINAL, Stream, stroke
 from tests.intervals import Interval
 from tests.observed_plants import bench_at, recording_of
 from tests.plants.laws import BY_LIFT, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
+from tools.benchmarks.discovery.discrepancies import Discrepancy
+from tools.benchmarks.worn_lines import on_line
 
-Numbers = NDArray[np.float64]
 HEALTHY = Faults()
-ODDS = (0.98, 0.01, 0.01)
-AT_OPENING = ((0.003, 0.01), (0.3, 0.3), (0.3, 0.3))  # standard deviations of r and s
-WALKS = ((3e-4, 1e-3), (2e-3, 5e-3), (2e-2, 2e-2))  # in 10 us
+SEAT, FRICTION, STIFFNESS, LAG, OFFSET, DELAY, NOZZLE, NUMBERS = 0, 1, 2, 3, 4, 5, 8, 16  # columns of theta
+STEPS = (1e-6, 1e-5, 1e-6, 1e-9, 1e-7, 1e-9, 1.0, 1.0, *(1e-6,) * 8)  # of differences
+AS_IT_IS, ANY_FLOW, ANOTHER_LINE = (0.01, 0.01, 0.002), (0.3, 0.01, 0.002), (1.0, 0.1)
+ON_TIME, LATE = (0.5e-6, 2e-4, 0.2e-6), (35e-6, 2e-4, 30e-6)
+EXPLANATIONS = (  # odds; deviations of the nozzle at the opening, of its walk in .1 ms, of the other numbers
+    (0.9, 0.003, 1e-3, (*AS_IT_IS, *ON_TIME)),
+    (0.02, 0.3, 2e-3, (*ANY_FLOW, *ON_TIME)),
+    (0.02, 0.3, 0.015, (*ANY_FLOW, *ON_TIME)),
+    (0.02, 0.3, 0.08, (*ANY_FLOW, *ON_TIME)),
+    (0.02, 0.003, 1e-3, (0.01, *ANOTHER_LINE, *ON_TIME)),
+    (0.02, 0.003, 1e-3, (*AS_IT_IS, *LATE)),
+    (0.01, 0.3, 0.015, (0.3, *ANOTHER_LINE, *ON_TIME)),
+)
 
 
 @dataclass
 class ReferenceFilter:
-    """A Kalman filter on z = [p_L, Q_L, p_S, r, s]."""
+    """A Kalman filter on theta, whose nozzle walks on at every stretch of time."""
 
-    mean: Numbers
-    covariance: Numbers
+    mean: Floats
+    covariance: Floats
     log_weight: float
 
 
-def reference_rates(stream: Stream, first: int, count: int) -> Numbers:
-    """Live rates and their standard deviations (count, 2) [m3/s] after a sample at rest, by differences."""
+def run_with(stream: Stream, first: int, count: int, theta: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Innovations of x~ and rates of x^ (count,) after a sample at rest, with theta; and stretches at all samples."""
     constants, rows, memory = stream.observer.constants, stream.rows, stream.observer.memory[0]
-    c, gain = constants.coefficients, stream.observer.gains[-1, 0]
-    variance = (1.0 - gain) / memory["innovation_noise"]["weight"]
-    of_flow = (c.line.a3 * 1e-5 * NOISE.rail_pressure / c.pressure_scale) ** 2
-    filters = []
-    for odds, widths in zip(ODDS, AT_OPENING, strict=True):
-        at_rest = (gain * variance, gain * variance * c.line.a3 / c.line.a1, 0.0)
-        z = np.append(rows["x_hat"][first], [0.0, 0.0])
-        filters.append(ReferenceFilter(z, np.diag([*at_rest, *np.square(widths)]), np.log(odds)))
-    result = []
-    for before, row in pairwise(rows[first : first + 1 + count]):
-        start, end = ((float(sample["rail_pressure"]), float(sample["seat_area"])) for sample in (before, row))
-        knot = float(before["lift_after"]), float(before["lift_area"])
-        step = Step(Interval(start, end, 1e-5, constants.substeps), knot, c)
-        mean, _ = mixed(filters)
-        change, predicted = slopes(step.after, mean), step.after(mean)
-        is_open = max(before["seat_area"], row["seat_area"]) > 0.0
-        for kalman, walks in zip(filters, WALKS, strict=True):
-            widened = kalman.covariance + is_open * np.diag([0.0, 0.0, 0.0, *np.square(walks)])
-            kalman.mean = predicted + change @ (kalman.mean - mean)
-            kalman.covariance = change @ widened @ change.T
-            error = row["line_pressure"] - memory["pair"]["offset"] - kalman.mean[0]
-            across, expected = kalman.covariance[:, 0].copy(), kalman.covariance[0, 0] + variance
-            kalman.mean = kalman.mean + across / expected * error
-            kalman.covariance = kalman.covariance - np.outer(across, across) / expected
-            kalman.covariance[1, 1] += of_flow
-            kalman.log_weight -= 0.5 * (np.log(expected) + error**2 / expected)
-        mean, weights = mixed(filters)
-        by = slopes(step.rate, mean)[0]
+    gain, line, opened = stream.observer.gains[-1], constants.coefficients.line, 0
+    changed = {name: getattr(line, name) * (1.0 + theta[STIFFNESS]) for name in line.of_stiffness}
+    c = constants.coefficients._replace(line=line._replace(**changed, a4=line.a4 * (1.0 + theta[FRICTION])))
+    x_tilde, x_hat = rows["x_tilde"][first].copy(), rows["x_hat"][first].copy()
+    errors, rates, stretches = np.zeros(count), np.zeros(count), np.zeros(count + 1, np.int64)
+    for k, (before, row) in enumerate(pairwise(rows[first : first + 1 + count])):
+        earlier = (before["seat_area"] - row["seat_area"]) * theta[DELAY] / 1e-5
+        start, end = ((float(each["rail_pressure"]), float(each["seat_area"] + earlier)) for each in (before, row))
+        knot = float(before["lift_after"]), float(before["lift_area"] + earlier)
+        network = constant_network(theta[NOZZLE + stretches[k]], theta[SEAT])
+        pressure = x_tilde[0]
+        for x in (x_tilde, x_hat):
+            advance_state(x, Interval(start, end, 1e-5, constants.substeps), c, network, knot=knot)
+        shown = x_tilde[0] - theta[LAG] / 1e-5 * (x_tilde[0] - pressure)
+        errors[k] = row["line_pressure"] - memory["pair"]["offset"] - theta[OFFSET] - shown
+        x_tilde[:2] += gain[:2] * errors[k]
+        rates[k] = phi_and_rate(x_hat, (end[0], max(end[1], 0.0)), c, network)[1]
+        opened += row["seat_area"] > 0.0
+        stretches[k + 1] = opened // 10
+    return errors, rates, stretches
+
+
+def reference_rates(stream: Stream, first: int, count: int) -> Floats:
+    """Live rates and their standard deviations (count, 2) [m3/s] after a sample at rest, by differences."""
+    errors, rates, stretches = run_with(stream, first, count, np.zeros(NUMBERS))
+    moved = np.array([run_with(stream, first, count, step)[:2] for step in np.diag(STEPS)])
+    moved -= np.array([run_with(stream, first, count, -step)[:2] for step in np.diag(STEPS)])
+    by_errors, by_rates = (moved / (2.0 * np.array(STEPS))[:, None, None]).transpose(1, 2, 0)
+    variance = 1.2 / stream.observer.memory[0]["innovation_noise"]["weight"]
+    filters, result = [], []
+    for odds, nozzle, _, further in EXPLANATIONS:
+        deviations = np.zeros(NUMBERS)
+        deviations[:6], deviations[NOZZLE] = further, nozzle
+        filters.append(ReferenceFilter(np.zeros(NUMBERS), np.diag(deviations**2), np.log(odds)))
+    for k, (error, slopes) in enumerate(zip(errors, by_errors, strict=True)):
+        for kalman in filters:
+            correct(kalman, error, slopes, variance)
+        logs = np.array([kalman.log_weight for kalman in filters])
+        weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+        mean, by = weights @ np.array([kalman.mean for kalman in filters]), by_rates[k]
         spreads = [by @ kalman.covariance @ by + (by @ (kalman.mean - mean)) ** 2 for kalman in filters]
-        result.append((step.rate(mean)[0], np.sqrt(weights @ spreads)))
+        result.append((max(rates[k] + by @ mean, 0.0), np.sqrt(weights @ spreads)))
+        if stretches[k + 1] > stretches[k]:
+            for kalman, (_, _, walk, _) in zip(filters, EXPLANATIONS, strict=True):
+                walk_on(kalman, NOZZLE + stretches[k + 1], walk)
     return np.array(result)
 
 
-class Step(NamedTuple):
-    """From a sample to the next, where the area may bend at a knot."""
-
-    interval: Interval
-    knot: tuple[float, float]
-    c: Coefficients
-
-    def after(self, z: Numbers) -> Numbers:
-        x = z[:3].copy()
-        advance_state(x, self.interval, self.c, constant_network(z[3], z[4]), knot=self.knot)
-        return np.append(x, z[3:])
-
-    def rate(self, z: Numbers) -> Numbers:
-        """At its end (1,) [m3/s]."""
-        rail, area = self.interval.end
-        return np.array([phi_and_rate(z[:3], (rail, max(area, 0.0)), self.c, constant_network(z[3], z[4]))[1]])
+def correct(kalman: ReferenceFilter, error: float, slopes: Floats, variance: float) -> None:
+    """Correct a filter by an innovation, and move a friction that is too little up to the least one."""
+    across, left = kalman.covariance @ slopes, error + float(slopes @ kalman.mean)
+    expected = variance + float(slopes @ across)
+    kalman.log_weight -= 0.5 * (np.log(expected) + left**2 / expected)
+    kalman.mean = kalman.mean - across / expected * left
+    kalman.covariance = kalman.covariance - np.outer(across, across) / expected
+    below, along = float(kalman.mean[FRICTION]) + 0.05, kalman.covariance[FRICTION]
+    if below < 0.0:
+        kalman.log_weight -= 0.5 * below**2 / along[FRICTION]
+        kalman.mean = kalman.mean - along / along[FRICTION] * below
 
 
-def mixed(filters: list[ReferenceFilter]) -> tuple[Numbers, Numbers]:
-    """Mean of all filters, and their weights."""
-    logs = np.array([kalman.log_weight for kalman in filters])
-    weights = np.exp(logs - logs.max())
-    weights /= weights.sum()
-    return weights @ np.array([kalman.mean for kalman in filters]), weights
-
-
-def slopes(function: Callable[[Numbers], Numbers], z: Numbers) -> Numbers:
-    """Derivatives by differences."""
-    steps = 1e-6 * np.eye(z.size)
-    return np.array([(function(z + step) - function(z - step)) / 2e-6 for step in steps]).T
+def walk_on(kalman: ReferenceFilter, newest: int, walk: float) -> None:
+    """Begin another stretch as the one before."""
+    copied = np.eye(NUMBERS)
+    copied[newest] = np.eye(NUMBERS)[newest - 1]
+    kalman.mean, kalman.covariance = copied @ kalman.mean, copied @ kalman.covariance @ copied.T
+    kalman.covariance[newest, newest] += walk**2
 
 
 def test_rates_are_those_of_plain_filters() -> None:
-    schedule, worn = make_schedule([100e6], 1, 0.06, [0.8e-3]), [sized("orifice_area", v_H=0.2)]
+    schedule, worn = make_schedule([100e6], 1, 0.06, [0.4e-3]), [sized("orifice_area", v_H=0.2)]
     made = simulate(NOMINAL, schedule, 100e3, worn, SimulatedNoise(), seed=4).recording
     end = int(np.flatnonzero(made.needle_lift > 20e-6)[0]) + 250  # the needle does not rest again
     rail, lift, line = made.rail_pressure[:end], made.needle_lift[:end], made.line_pressure[:end]
@@ -140,46 +154,58 @@ SHORT_LOW, LONG_HIGH, LONG_LOW, SHORT_HIGH = (60e6, 0.6e-3), (140e6, 1.9e-3), (6
 
 
 @cache
-def live(points: Points, laws: Laws = NO_LAWS, faults: Faults = HEALTHY) -> tuple[Evaluation, Numbers]:
+def live(
+    points: Points, laws: Laws = NO_LAWS, faults: Faults = HEALTHY, line: Discrepancy | None = None
+) -> tuple[Evaluation, Floats]:
     """A plant's injections at these rail pressures [Pa], for these times [s]; and its true rate (n,) [m3/s]."""
     events = tuple(Event(rail, (Shot(7e-6 * (k % 5), time),), faults) for k, (rail, time) in enumerate(points))
-    outcome = record(Bench(Injector(), Needle(), events, seed=5, laws=laws))
-    evaluation = evaluate(bench_at(100e3), [recording_of(outcome)]).evaluations[0]
-    return evaluation, outcome.truth.injection_rate
+    bench = Bench(Injector(), Needle(), events, seed=5, laws=laws)
+    outcome = record(on_line(bench, line, 1) if line else bench)
+    observer = bench_at(100e3, GOLDEN / f"{line}.toml" if line else None)
+    return evaluate(observer, [recording_of(outcome)]).evaluations[0], outcome.truth.injection_rate
 
 
 @pytest.mark.parametrize(
-    ("laws", "faults"),
+    ("line", "laws", "faults"),
     [
-        (NO_LAWS, Faults(orifice_area=0.3)),
-        (NO_LAWS, Faults(seat_area=-0.25)),
-        (Laws(coking=0.1), Faults()),
-        (Laws(rail_and_time=0.1), Faults()),
+        (None, NO_LAWS, Faults(orifice_area=0.3)),
+        (None, NO_LAWS, Faults(seat_area=-0.25)),
+        (None, Laws(coking=0.1), HEALTHY),
+        (None, Laws(rail_and_time=0.1), HEALTHY),
+        (None, NO_LAWS, Faults(line_friction=1.0)),
+        (Discrepancy.PLAIN, NO_LAWS, Faults(orifice_area=0.2)),
+        (Discrepancy.PLAIN, NO_LAWS, Faults(seat_area=-0.25)),
+        (Discrepancy.PLAIN, NO_LAWS, Faults(line_friction=1.0)),
+        (Discrepancy.PLAIN, NO_LAWS, Faults(line_pressure_sensor_lag=20e-6)),
     ],
-    ids=["nozzle", "seat", "coking", "rail and time"],
 )
-def test_the_first_injection_is_followed(laws: Laws, faults: Faults) -> None:
+def test_the_first_injection_is_followed(line: Discrepancy | None, laws: Laws, faults: Faults) -> None:
+    """Flows, which in open loop are up to 20 % off, and faults of line and sensor, which are not taken for a flow."""
     for point in (SHORT_LOW, LONG_HIGH):
-        evaluation, truth = live((point,), laws, faults)
-        report, trace = evaluation.reports[0], evaluation.trace
+        evaluation, truth = live((point,), laws, faults, line)
+        report = evaluation.reports[0]
         window = slice(report.start_index, report.end_index + 1)
-        rates = truth, trace.injection_rate, trace.open_loop_rate
-        true, by_filters, by_model = (rate[window].sum() for rate in rates)
-        assert abs(by_filters / true - 1.0) < 0.025
-        assert abs(by_filters / true - 1.0) < abs(by_model / true - 1.0)
+        assert evaluation.trace.injection_rate[window].sum() == pytest.approx(truth[window].sum(), rel=0.025)
 
 
 @pytest.mark.parametrize("late", [-2, 2])
 def test_a_needle_that_answers_its_command_sooner_or_later_is_followed(late: int) -> None:
-    """By 20 us, which a line pressure beside no lift tells."""
-    schedule = make_schedule([100e6], 1, 0.06, [1.2e-3])
+    """By 20 us, which a line pressure beside no lift tells; later it is seen while it stays open, but at no flank."""
+    schedule = make_schedule([100e6], 5, 0.06, [1.2e-3])
     made = simulate(NOMINAL, schedule, 100e3, noise=SimulatedNoise())
-    commands = np.roll(energized(schedule, made.recording.time), -late)
+    commands, true = np.roll(energized(schedule, made.recording.time), -late), made.truth.injection_rate
     recording = made.recording.with_arrays({"energizing": commands}).without_lift()
     trace = evaluate(bench_at(100e3), [recording]).evaluations[0].trace
-    rates = trace.injection_rate, trace.open_loop_rate
-    by_filters, by_model = (np.nansum(np.abs(rate - made.truth.injection_rate)) for rate in rates)
+    edges = np.flatnonzero(np.diff(true > 0.0))
+    by_filters, by_model = (
+        np.nansum(np.abs(rate - true)[: edges[2]]) for rate in (trace.injection_rate, trace.open_loop_rate)
+    )
     assert by_filters < 0.4 * by_model
+    opening, end = edges[-2:]
+    assert trace.valid[opening + 40 : opening + 90].all()
+    assert not trace.valid[np.r_[opening + 2 : opening + 25, end - 15 : end]].any()
+    seen = opening + 2 + np.flatnonzero(trace.valid[opening + 2 : end])
+    assert np.abs(trace.injection_rate[seen] / true[seen] - 1.0).max() < 0.03
 
 
 @pytest.mark.parametrize(
@@ -214,7 +240,7 @@ def test_a_rate_unlike_those_learned_from_is_not_valid(points: Points, shares: t
         mass = np.trapezoid(truth[report.start_index : report.end_index + 1]) * 1e-5 * report.density
         assert report.mass == pytest.approx(mass, rel=0.015)
     after = evaluation.reports[5]
-    assert evaluation.trace.valid[after.start_index : after.end_index + 1].all()
+    assert evaluation.trace.valid[after.start_index : after.end_index + 1].mean() > 0.99
     for number, expected in zip((3, 4, 7), shares, strict=True):
         report = evaluation.reports[number]
         window = slice(report.start_index, report.end_index + 1)

@@ -149,7 +149,8 @@ class SnapshotKeeper:
 
         courses = {"corrected_rate": report.corrected_rate, "corrected_rate_sigma": report.rate_sigma}
         rates = {name: course[-len(rows) :] for name, course in courses.items() if course is not None}
-        rates |= {"rate": rows["injection_rate"], **{f"{model.name}_rate": model.rate for model in compared}}
+        rates |= {"rate": rows["injection_rate"], "rate_sigma": rows["rate_sigma"]}
+        rates |= {f"{model.name}_rate": model.rate for model in compared}
         curves = {
             "time_ms": (rows["index"] - rows["index"][:1]) / (self._rate_hz * MILLISECOND),
             "rail_pressure_MPa": pressure(rows["rail_pressure"]),

@@ -40,10 +40,11 @@ class RateCurves:
     estimated: Floats
     nominal: Floats
     reference: Floats | None  # what the estimate is compared with, if anything
-    sigma: Floats | None = None  # standard deviation of the estimated rate
+    sigma: Floats | None = None  # standard deviation of the corrected rate
     corrected: Floats | None = None  # rate by the injection's own pressures, where known
     line: tuple[Floats, Floats] | None = None  # line pressure [Pa] measured, and observed open loop
     lift: tuple[Floats, str] | None = None  # [m], learned where it is not recorded; what else was learned, in words
+    live_sigma: Floats | None = None  # standard deviation of the estimated rate, as it was known while that was sent
 
 
 def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
@@ -72,6 +73,7 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
         trace.corrected_rate,
         (measured, modelled),
         None if report.stroke is None else _learned_lift(report, report.stroke, trace.time - samples.start, c),
+        trace.injection_rate_sigma,
     )
 
 

@@ -112,6 +112,7 @@ class HistorySamples:
         trace.nominal_rate[places] = nominal
         for name in ("injection_rate", "open_loop_rate", "valid", "state"):
             trace[name][places] = ring[name][rows]
+        trace.injection_rate_sigma[places] = ring["rate_sigma"][rows]
         is_known = ~np.isnan(ring["injection_rate"][rows])
         trace.x[places[is_known]] = observer.x_hat[rows[is_known], :3]
         trace.phi[places[is_known]] = ring["phi"][rows[is_known]]

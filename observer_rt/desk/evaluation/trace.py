@@ -17,6 +17,7 @@ TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
 NUMBER = "%.9g"
 _RATES = (  # m3/s
     "injection_rate",
+    "injection_rate_sigma",  # as it was known while the injection ran
     "corrected_rate_sigma",  # over windows of injections that were learned from
     "corrected_rate",  # by the injection's own pressures, over the same windows
     "nominal_rate",  # by the model with phi = 0 on the same frames

@@ -161,14 +161,19 @@ def test_trace_file(tmp_path: Path) -> None:
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
-        *("time_s", "injection_rate_mm3_per_ms", "corrected_rate_sigma_mm3_per_ms"),
+        *(
+            "time_s",
+            "injection_rate_mm3_per_ms",
+            "injection_rate_sigma_mm3_per_ms",
+            "corrected_rate_sigma_mm3_per_ms",
+        ),
         *("corrected_rate_mm3_per_ms", "nominal_rate_mm3_per_ms", "open_loop_rate_mm3_per_ms", "valid", "state"),
         *("x1", "x2", "x3", "phi1", "phi2", "phi3"),
     ]
     assert len(rows) == worn().recording.samples
     assert (rows[0]["injection_rate_mm3_per_ms"], rows[0]["valid"], rows[0]["state"]) == ("", "0", "STARTING")
     at = int(np.nanargmax(evaluation.trace.injection_rate))
-    for name in ("injection_rate", "corrected_rate_sigma", "corrected_rate", "nominal_rate"):
+    for name in ("injection_rate", "injection_rate_sigma", "corrected_rate_sigma", "corrected_rate", "nominal_rate"):
         assert float(rows[at][f"{name}_mm3_per_ms"]) == pytest.approx(evaluation.trace[name][at] / 1e-6, rel=1e-8)
     assert float(rows[at]["x3"]) == pytest.approx(evaluation.trace.x[at, 2], rel=1e-8)
     assert float(rows[at]["phi1"]) == pytest.approx(evaluation.trace.phi[at, 0], rel=1e-8)

@@ -8,12 +8,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.desk.evaluation.curves import MassRow, RateCurves
+from observer_rt.desk.evaluation.curves import MassRow, RateCurves, numbers_shown
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.figures import LEAST_SHOWN, Picture, draw_masses, injections_figure, pictures_of
 from observer_rt.desk.simulation.schedule import energized, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.reports.learned_laws import LearnedLaw
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 TIME = np.linspace(0.0, 2.0, 50) * MILLISECOND
@@ -134,3 +135,14 @@ def test_the_legend_of_several_recordings_lies_on_nothing(count: int) -> None:
     assert not any(box.overlaps(other) for other in others if other is not None)
     assert drawn.get_suptitle() == ""
     assert f"{count} recordings" in legend.get_title().get_text()
+
+
+def test_without_a_choice_first_middle_and_last() -> None:
+    assert (numbers_shown((), range(1, 13)), numbers_shown((), {3})) == ([1, 7, 12], [3])
+    assert (numbers_shown((), ()), numbers_shown((2, 5), range(1, 13))) == ([], [2, 5])
+
+
+@pytest.mark.parametrize(("present", "choices"), [((), "no injection was found"), ((1, 2), "there are 1 to 2")])
+def test_one_that_is_not_there_is_named(present: tuple[int, ...], choices: str) -> None:
+    with pytest.raises(UserError, match=f"no injection 3(?s:.*){choices}"):
+        numbers_shown((3,), present)

@@ -55,20 +55,23 @@ const RATE = {
   title: "Injection rate", unit: "mm³/ms", span: 10, least: 0, x: TIME,
   columns: (list) => {
     const columns = overlaid(list, { live: "rate_mm3_per_ms" }, {
-      corrected: "corrected_rate_mm3_per_ms", sigma: "corrected_rate_sigma_mm3_per_ms", nominal: "nominal_rate_mm3_per_ms",
+      then: "rate_sigma_mm3_per_ms", corrected: "corrected_rate_mm3_per_ms", sigma: "corrected_rate_sigma_mm3_per_ms", nominal: "nominal_rate_mm3_per_ms",
     });
-    const end = (sign) => columns.corrected?.map((rate, k) => sum(rate, sign * Z_95, columns.sigma[k]));
-    return { ...columns, low: end(-1), high: end(1) };
+    const end = (rates, sigma, sign) => rates?.map((rate, k) => sum(rate, sign * Z_95, sigma?.[k]));
+    const band = (low, high, rates, sigma) => ({ [low]: end(rates, sigma, -1), [high]: end(rates, sigma, 1) });
+    const live = band("live_low", "live_high", columns.live, columns.then);
+    return { ...columns, ...live, ...band("low", "high", columns.corrected, columns.sigma) };
   },
   series: [
     ...before("live"),
+    ...ends("live"),
     unnamed("low", { stroke: BAND }),
     line("high", "95 %", BAND, { width: 1, value: halfOf }),
     line("nominal", "nominal", NOMINAL, { dash: [6, 6] }),
     line("corrected", "corrected", OBSERVER),
     line("live", "live", THIRD, { width: 1.2 }),
   ],
-  bands: [["high", "low", BAND]],
+  bands: [["live_high", "live_low", `${THIRD}22`], ["high", "low", BAND]],
 };
 const DETAILS = {
   line_pressure: {

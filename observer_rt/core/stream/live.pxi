@@ -100,29 +100,29 @@ cdef inline Gradient* _gradient(Stepping* s) noexcept nogil:
 
 
 cdef void _look_for_opening(Stepping* s, int64_t position) noexcept nogil:
-    """Begin to follow an injection at the first sample after rest, and end with rest.
+    """Begin to follow an injection at the first sample after rest, and end with rest; see the needle's edges meanwhile.
 
     None is followed while the noise is coloured, which the filters would take for something in the injection.
     """
     cdef bint is_white = s.observer.memory.judgement.offset_moves  # an offset under colour is held
-    if s.observer.ring[position & MASK].resting or not is_white:
+    before, row = &s.observer.ring[(position - 1) & MASK], &s.observer.ring[position & MASK]
+    if row.resting or not is_white:
         s.live.follows = False
-    elif not s.live.follows and s.observer.ring[(position - 1) & MASK].resting:
+    elif not s.live.follows and before.resting:
         _begin_live(s)
+    if s.live.follows and s.observer.constants.needle.stop > 0.0 and row.seat_area != before.seat_area:
+        _see_edge(&s.live, row.seat_area < before.seat_area)
 
 
-cdef inline void _delay_needle(Stepping* s, Interval* interval, double falls_by) noexcept nogil:
-    """Give an interval's area its slope by the delay; falls_by: the area's drop over it."""
-    cdef bint is_commanded
-    live = &s.live
-    is_commanded = s.observer.constants.needle.stop > 0.0
-    if is_commanded and falls_by != 0.0 and (falls_by > 0.0) != live.falls:  # another edge
-        live.falls = not live.falls
-        live.needle[OPENING_DELAY] = OF_CLOSING if live.falls else OF_DELAY
-        begin_anew(&live.bank, live.needle[OPENING_DELAY], NEEDLE_JITTER)
-        _point_at_newest(&live.of_tilde.tangent, &live.bank)
-        _point_at_newest(&live.of_hat, &live.bank)
-    interval.start.by_needle[OPENING_DELAY] = interval.end.by_needle[OPENING_DELAY] = falls_by / s.interval
+cdef inline void _see_edge(Live* live, bint falls) noexcept nogil:
+    """Have the edge of a needle that answers commands come with a delay of its own."""
+    if falls == live.falls:
+        return
+    live.falls = falls
+    live.needle[OPENING_DELAY] = OF_CLOSING if falls else OF_DELAY
+    begin_anew(&live.bank, live.needle[OPENING_DELAY], NEEDLE_JITTER)
+    _point_at_newest(&live.of_tilde.tangent, &live.bank)
+    _point_at_newest(&live.of_hat, &live.bank)
 
 
 cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:

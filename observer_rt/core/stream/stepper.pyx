@@ -7,8 +7,9 @@ from libc.string cimport memcpy, memset
 from numpy import zeros
 
 from observer_rt.core.model.model cimport (
-    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, rate_and_phi, flow_slopes, flow_slopes_by_theta, follow_stroke,
-    is_shut_under_terms, needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
+    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, flow_slopes, flow_slopes_by_theta, follow_stroke,
+    is_shut_under_terms, needle_speed, predict, rate_and_phi, rest_line, shown_under_terms, trusted_under_terms,
+    under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
     BY_LINE, BY_NOZZLE, BY_SEAT, PAST_NUMBERS, SAC, TOTALS, Coefficients, FlowSlopes, Forced, Forcing, Gradient, Inputs,
@@ -18,8 +19,9 @@ from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS, OPENIN
 from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
 from observer_rt.core.model.valve cimport VALVE_TAIL, Stroke, valve_edge
 from observer_rt.core.stream.filter_bank cimport (
-    EXPLANATIONS, NUMBERS, OF_CLOSING, OF_DELAY, OF_FRICTION, OF_LAG, OF_NOZZLE, OF_OFFSET, OF_SEAT, OF_STIFFNESS, STRETCHES, UNUSED,
-    FilterBank, Widths, begin_anew, begin_bank, begin_stretch, correct_filters, forget_stretch, newest_of, widen_flow
+    EXPLANATIONS, NUMBERS, OF_CLOSING, OF_DELAY, OF_FRICTION, OF_LAG, OF_NOZZLE, OF_OFFSET, OF_SEAT, OF_STIFFNESS,
+    STRETCHES, UNUSED, FilterBank, Widths, begin_anew, begin_bank, begin_stretch, correct_filters, forget_stretch,
+    newest_of, widen_flow
 )
 from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint
 from observer_rt.core.stream.stream cimport Stream
@@ -109,8 +111,9 @@ cdef inline void _force(
     interval.start.since = opened_since(before.opened_since, before.seat_area, row.seat_area)
     interval.end.since = row.opened_since = interval.start.since + s.interval
     interval.length, interval.substeps = s.interval, s.substeps
-    if s.live.follows:
-        _delay_needle(s, &interval, before.seat_area - row.seat_area)
+    if s.live.follows:  # the area is less by so much with a needle 1 s later
+        interval.start.by_needle[OPENING_DELAY] = (before.seat_area - row.seat_area) / s.interval
+        interval.end.by_needle[OPENING_DELAY] = interval.start.by_needle[OPENING_DELAY]
     knot.share, knot.area = before.lift_after, before.lift_area
     under_terms(x, &interval, knot, &s.coefficients, network, forcing, &s.forced)
 

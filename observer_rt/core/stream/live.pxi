@@ -178,7 +178,8 @@ cdef inline void _go_through_stretch(Stepping* s) noexcept nogil:
         _join_oldest(live.of_tilde.tangent.by, s.coefficients.states)
         _join_oldest(live.of_tilde.indicated, 1)
         _join_oldest(live.of_hat.by, s.coefficients.states)
-        _join_oldest(live.later[0], LATER)
+        if s.observer.memory.in_force.watch_later > 0:  # else none of them is taken later
+            _join_oldest(live.later[0], LATER)
     begin_stretch(&live.bank)
     _point_at_newest(&live.of_tilde.tangent, &live.bank)
     _point_at_newest(&live.of_hat, &live.bank)

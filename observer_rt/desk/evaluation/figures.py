@@ -272,12 +272,13 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
     if curve.reference is not None:
         reference_rate = curve.reference / MM3_PER_MS
         axes.plot(time, reference_rate, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
-    if curve.live_sigma is not None and colour is None:
-        low, high = ((curve.estimated + side * Z_95 * curve.live_sigma) / MM3_PER_MS for side in (-1, 1))
-        axes.fill_between(time, low, high, color=NOMINAL, alpha=0.2, lw=0, label="95 % of the live rate")
-    if curve.sigma is not None and curve.corrected is not None and colour is None:
-        low, high = ((curve.corrected + side * Z_95 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
-        axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
+    for rate, sigma, band, label in (
+        (curve.estimated, curve.live_sigma, NOMINAL, "95 % of the live rate"),
+        (curve.corrected, curve.sigma, ESTIMATED, "its 95 % interval"),
+    ):
+        if rate is not None and sigma is not None and colour is None:
+            low, high = ((rate + side * Z_95 * sigma) / MM3_PER_MS for side in (-1, 1))
+            axes.fill_between(time, low, high, color=band, alpha=0.2, lw=0, label=label)
     estimates = [(curve.estimated, 1.4, "observer")]
     if curve.corrected is not None and np.isfinite(curve.corrected).any():
         estimates = [(curve.estimated, thin, "observer, live"), (curve.corrected, 2.0, "by its own pressures")]

@@ -416,10 +416,10 @@ def sensor_lag(theta: Floats) -> float:
 
 def network_of(theta: Floats) -> Network:
     """The network in a parameter vector (m,)."""
-    network = network_with(theta[WEIGHTS])
-    network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
-    network.nozzle[:] = NOZZLE_LAW.of(theta)
-    return network
+    result = network_with(theta[WEIGHTS])
+    result.bias[0], result.bias[1] = theta[_NOZZLE], theta[_SEAT]
+    result.nozzle[:] = NOZZLE_LAW.of(theta)
+    return result
 
 
 def by_theta(theta: Floats, c: Coefficients, columns: Ints = EVERY, shots: int = 0) -> ByTheta:

@@ -1,9 +1,10 @@
 # A bank of Kalman filters on what differs in a running injection, one for each explanation of it.
 #
 # Every filter has the same numbers, theta: what the nozzle passes more, in the present stretch of time and in those
-# before, what the seat passes more, line friction and stiffness, lag and offset of the line-pressure sensor, delay of
-# the lift. Theta is 0 where the injector is as believed. Filters differ in how far each number may go, and weigh by the
-# likelihood of the innovations since the opening. Their mean is that of a mixture, as is their covariance.
+# before, and how that grows from a stretch to the next, what the seat passes more, line friction and stiffness, lag and
+# offset of the line-pressure sensor, delay of the lift. Theta is 0 where the injector is as believed. Filters differ in
+# how far each number may go, and weigh by the likelihood of the innovations since the opening. Their mean is that of a
+# mixture, as is their covariance.
 
 from libc.math cimport exp, log
 from libc.stdint cimport int64_t
@@ -19,8 +20,9 @@ cdef enum:
     FURTHER = 6  # numbers so far
     OF_CLOSING = 6  # delay of the closing, where the needle answers commands
     UNUSED = 7  # column of derivatives that nobody reads
-    OF_NOZZLE = 8  # column of the oldest stretch of time
-    STRETCHES = 8
+    OF_SLOPE = 8  # of the nozzle's flow, from a stretch to the next; no derivative goes by it
+    OF_NOZZLE = 9  # column of the oldest stretch of time
+    STRETCHES = 7
     NUMBERS = 16
     EXPLANATIONS = 7
 
@@ -28,7 +30,9 @@ cdef enum:
 # How far the numbers may go by an explanation.
 cdef struct Widths:
     double nozzle  # standard deviations at the opening: of the nozzle's flow, as a share
-    double walk  # .. of its change from a stretch to the next
+    double walk  # .. of its change from a stretch to the next, beyond the slope
+    double slope  # .. of the slope
+    double bend  # .. of the slope's change from a stretch to the next
     double[FURTHER] further  # .. of the other numbers, in the order of their columns
     double odds  # before the opening
 
@@ -43,8 +47,9 @@ cdef struct Filter:
 cdef struct FilterBank:
     Filter[EXPLANATIONS] filters
     double[EXPLANATIONS] walks
+    double[EXPLANATIONS] bends
     int64_t stretches  # of the nozzle's flow, the newest being the present one
-    double[NUMBERS] mean  # of the mixture
+    double[NUMBERS] mean  # of the mixture, when it was formed last
     double[NUMBERS][NUMBERS] covariance
 
 
@@ -64,8 +69,8 @@ cdef inline void begin_bank(FilterBank* bank, const Widths* explanations) noexce
         filter.covariance[OF_NOZZLE][OF_NOZZLE] = explanation.nozzle * explanation.nozzle
         for k in range(<int64_t> FURTHER):
             filter.covariance[k][k] = explanation.further[k] * explanation.further[k]
-        filter.log_weight, bank.walks[i] = log(explanation.odds), explanation.walk
-    mix_filters(bank)
+        filter.covariance[OF_SLOPE][OF_SLOPE] = explanation.slope * explanation.slope
+        filter.log_weight, bank.walks[i], bank.bends[i] = log(explanation.odds), explanation.walk, explanation.bend
 
 
 cdef inline void mix_filters(FilterBank* bank) noexcept nogil:
@@ -124,20 +129,21 @@ cdef inline void correct_filters(
             filter.log_weight -= 0.5 * error * error / expected
             for j in range(<int64_t> NUMBERS):
                 filter.mean[j] -= filter.covariance[j][OF_FRICTION] / expected * error
-    mix_filters(bank)
 
 
 cdef inline void begin_stretch(FilterBank* bank) noexcept nogil:
-    """Begin another stretch of the nozzle's flow, which walks on from the one before; there must be a free column."""
+    """Begin another stretch of the nozzle's flow, along its slope from the one before; there must be a free column."""
     cdef int64_t i, k, before = newest_of(bank), newest = before + 1
     for i in range(<int64_t> EXPLANATIONS):
         filter = &bank.filters[i]
         for k in range(<int64_t> NUMBERS):
-            filter.covariance[newest][k] = filter.covariance[k][newest] = filter.covariance[before][k]
-        filter.covariance[newest][newest] = filter.covariance[before][before] + bank.walks[i] * bank.walks[i]
-        filter.mean[newest] = filter.mean[before]
+            filter.covariance[newest][k] = filter.covariance[before][k] + filter.covariance[OF_SLOPE][k]
+        for k in range(<int64_t> NUMBERS):
+            filter.covariance[k][newest] = filter.covariance[newest][k]
+        filter.covariance[newest][newest] = filter.covariance[newest][before] + filter.covariance[newest][OF_SLOPE]
+        filter.mean[newest] = filter.mean[before] + filter.mean[OF_SLOPE]
+        widen_flow(filter, newest, bank.walks[i], bank.bends[i])
     bank.stretches += 1
-    mix_filters(bank)
 
 
 cdef inline void forget_stretch(FilterBank* bank) noexcept nogil:
@@ -157,13 +163,19 @@ cdef inline void forget_stretch(FilterBank* bank) noexcept nogil:
     bank.stretches -= 1
 
 
-cdef inline void widen_flow(Filter* filter, int64_t stretches, double nozzle, double seat) noexcept nogil:
-    """Have a filter's nozzle and seat go further, by standard deviations, the nozzle alike at all times."""
+cdef inline void widen_flow(Filter* filter, int64_t column, double change, double bend) noexcept nogil:
+    """Have the nozzle's flow in a column, and its slope, go further, by standard deviations."""
+    filter.covariance[column][column] += change * change
+    filter.covariance[OF_SLOPE][OF_SLOPE] += bend * bend
+
+
+cdef inline void widen_past_flow(Filter* filter, int64_t stretches, double sigma) noexcept nogil:
+    """Have the nozzle's flow go further, alike in all stretches, and the seat's, by a standard deviation."""
     cdef int64_t j, k
     for j in range(<int64_t> OF_NOZZLE, OF_NOZZLE + stretches):
         for k in range(<int64_t> OF_NOZZLE, OF_NOZZLE + stretches):
-            filter.covariance[j][k] += nozzle * nozzle
-    filter.covariance[OF_SEAT][OF_SEAT] += seat * seat
+            filter.covariance[j][k] += sigma * sigma
+    filter.covariance[OF_SEAT][OF_SEAT] += sigma * sigma
 
 
 cdef inline void begin_anew(FilterBank* bank, int64_t column, double sigma) noexcept nogil:
@@ -175,4 +187,24 @@ cdef inline void begin_anew(FilterBank* bank, int64_t column, double sigma) noex
         for k in range(<int64_t> NUMBERS):
             filter.covariance[column][k] = filter.covariance[k][column] = 0.0
         filter.covariance[column][column] = sigma * sigma
-    mix_filters(bank)
+
+
+cdef inline double moved_by(const FilterBank* bank, const double* by) noexcept nogil:
+    """What the mixture adds to a quantity with derivatives (NUMBERS,) by theta."""
+    cdef double result = 0.0
+    cdef int64_t j
+    for j in range(<int64_t> NUMBERS):
+        result += by[j] * bank.mean[j]
+    return result
+
+
+cdef inline double variance_by(const double* covariance, const double* by) noexcept nogil:
+    """Variance of a quantity with derivatives (NUMBERS,) by a theta with a covariance (NUMBERS, NUMBERS)."""
+    cdef double result = 0.0, along
+    cdef int64_t i, j
+    for j in range(<int64_t> NUMBERS):
+        along = 0.0
+        for i in range(<int64_t> NUMBERS):
+            along += covariance[j * NUMBERS + i] * by[i]
+        result += by[j] * along
+    return max(result, 0.0)

@@ -26,11 +26,10 @@ cdef bint judge_event(Observer* observer) noexcept nogil:
 
 
 cdef double RAIL_BIN = 0.08  # p_0
-cdef double SHARP = 0.01  # of the mean rate since the opening: standard deviation up to which a rate is known
+# Standard deviation up to which a rate is known, as a share: of itself, of the mean since the opening, or of half the full
+# one, for a rate that begins need not be known to 1 % of itself.
+cdef double SHARP = 0.01, LEAST_SHARE = 0.5
 cdef double SEEN_AFTER = 0.3e-3  # s of flow, after which the line pressure shows that of a needle without a recorded lift
-# Share of the widest seat area, below which a needle falls, and what the lift's noise may change of an area, A_0.
-cdef double FULL_LIFT = 0.9, AREA_NOISE = 0.02
-cdef double BELIEVED = 0.8  # weight of the explanation that the injector is as believed
 
 
 cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
@@ -45,11 +44,6 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
     point.flow, point.flowing = 0.0, 0
 
 
-cdef inline bint _falls(const OperatingPoint* point, const Sample* row) noexcept nogil:
-    """Whether the needle is on its way down."""
-    return max(row.seat_area, 0.0) < FULL_LIFT * point.widest - AREA_NOISE  # it is below 0 beside an opening
-
-
 cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
     """Add up what flows, and note whether it leaves the learned range.
 
@@ -61,31 +55,33 @@ cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
         if row.opened_since > point.known_until and row.seat_area >= observer.ring[(position - 1) & MASK].seat_area:
             point.in_learned_range = False
         point.widest = max(point.widest, row.seat_area)
-        if not _falls(point, row):
+        if not falls(point, row):
             point.up_until = row.opened_since
         point.flow += row.injection_rate
         point.flowing += 1
 
 
 cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nogil:
-    """Whether the flow, if there is any, is known well enough at a sample.
+    """Whether the flow, if there is any, is known well enough at a sample: sharply by the bank that follows it.
 
-    It is known where events have shown it, and the filters of the running injection find the injector as believed, or
-    know the flow sharply. A needle that falls sooner than in all events is at a lift that none has shown.
+    Where none follows, or nothing flows, events must have shown it; as they must for a needle of an injector as
+    believed that falls, at whose flank the rate is as uncertain as the times of samples.
     """
-    cdef bint is_shown
+    cdef bint shown
     point, row = &observer.memory.operating_point, &observer.ring[position & MASK]
-    is_shown = point.in_learned_range and (point.up_until >= point.known_from or not _falls(point, row))
-    if isnan(row.rate_sigma) or not is_shown:
-        return is_shown
-    mean_rate = point.flow / max(point.flowing, <int64_t> 1)
-    return row.as_believed > BELIEVED or row.rate_sigma <= SHARP * max(mean_rate, row.injection_rate)
+    shown = is_shown(point, row)
+    if not row.rate_sigma > 0.0:  # NaN is not, either
+        return shown
+    if shown and row.as_believed > BELIEVED and falls(point, row):
+        return True
+    rate = max(point.flow / max(point.flowing, <int64_t> 1), row.injection_rate)
+    return row.rate_sigma <= SHARP * max(rate, LEAST_SHARE * point.full_rate)
 
 
 cdef bint is_seen(const Observer* observer, int64_t position) noexcept nogil:
     """Whether the line pressure has shown the flow of a needle without a recorded lift, which is open, and stays so."""
     point, row = &observer.memory.operating_point, &observer.ring[position & MASK]
-    if not observer.memory.needle.is_open or isnan(row.rate_sigma) or _falls(point, row):
+    if not observer.memory.needle.is_open or isnan(row.rate_sigma) or falls(point, row):
         return False
     return point.flowing * observer.constants.interval > SEEN_AFTER
 

@@ -13,16 +13,20 @@ cdef double WIDER = 1.2  # times the innovations' variance, for what a model lea
 cdef double LEAST_FRICTION = -0.05  # beyond the believed one, as a share: friction grows sooner than it falls
 cdef double FURTHEST = 3.0  # change of the injection rate, in units of the nozzle's flow at p_0, that a line still tells
 cdef double FLOW = 0.3  # standard deviation of nozzle and seat that may be any
+cdef double AS_BELIEVED = 0.003  # .. of a nozzle as believed, where events have shown it
+cdef double WALK = 0.015, SLOPE = 0.02, BEND = 0.01  # .. by which a flow that moves on changes from stretch to stretch
 cdef double LAG = 0.5e-6, DELAY = 0.2e-6, OFFSET = 2e-4  # s, s, p_0: .. as they are known
 cdef Widths[EXPLANATIONS] WIDTHS = [
-    Widths(0.003, 1e-3, [0.01, 0.01, 0.002, LAG, OFFSET, DELAY], 0.9),  # as believed
-    Widths(FLOW, 2e-3, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # another flow
-    Widths(FLOW, 0.015, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # a flow that moves on
-    Widths(FLOW, 0.08, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # a flow that changes at once
-    Widths(0.003, 1e-3, [0.01, 1.0, 0.1, LAG, OFFSET, DELAY], 0.02),  # another line
-    Widths(0.003, 1e-3, [0.01, 0.01, 0.002, 35e-6, OFFSET, 30e-6], 0.02),  # a late line pressure or lift
-    Widths(FLOW, 0.015, [FLOW, 1.0, 0.1, LAG, OFFSET, DELAY], 0.01),  # another flow and line
+    Widths(AS_BELIEVED, 1e-3, 0.0, 0.0, [0.01, 0.01, 0.002, LAG, OFFSET, DELAY], 0.9),  # as believed
+    Widths(FLOW, 2e-3, 0.0, 0.0, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # another flow
+    Widths(FLOW, WALK, SLOPE, BEND, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # a flow that moves on
+    Widths(FLOW, 0.08, 0.0, 0.0, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # a flow that changes at once
+    Widths(AS_BELIEVED, 1e-3, 0.0, 0.0, [0.01, 1.0, 0.1, LAG, OFFSET, DELAY], 0.02),  # another line
+    Widths(AS_BELIEVED, 1e-3, 0.0, 0.0, [0.01, 0.01, 0.002, 35e-6, OFFSET, 30e-6], 0.02),  # late line pressure or lift
+    Widths(FLOW, WALK, 0.0, 0.0, [FLOW, 1.0, 0.1, LAG, OFFSET, DELAY], 0.01),  # another flow and line
 ]
+# Standard deviations beside the bank's, as shares: of the seat's flow at lifts that events have shown, of flows at others.
+cdef double SEAT_SHARE = 0.003, UNSEEN = 0.05
 
 
 cdef void _lend_live(Stepping* s, double[:, ::1] scratch) noexcept:
@@ -69,10 +73,12 @@ cdef inline void _take_line_slopes(Stepping* s) noexcept nogil:
     live.of_tilde.tangent.theta.pairs = live.of_hat.theta.pairs = pairs
 
 
-cdef void _begin_live(Stepping* s) noexcept nogil:
+cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
     """Start bank and derivatives with the needle about to open."""
     live, g = &s.live, &s.live.of_tilde
     cdef int64_t size = s.coefficients.states * NUMBERS * sizeof(double)
+    flow = s.coefficients.nozzle.flow * s.observer.memory.in_force.flow_factor
+    s.observer.memory.operating_point.full_rate = flow * sqrt(s.observer.ring[position & MASK].rail_pressure)
     live.follows, live.has_widened, live.falls = True, False, False
     live.followed, live.samples, live.innovation, live.counted = 0, 0, 0.0, 0
     memset(live.slopes_sum, 0, sizeof(live.slopes_sum))
@@ -109,7 +115,7 @@ cdef void _look_for_opening(Stepping* s, int64_t position) noexcept nogil:
     if row.resting or not is_white:
         s.live.follows = False
     elif not s.live.follows and before.resting:
-        _begin_live(s)
+        _begin_live(s, position)
     if s.live.follows and s.observer.constants.needle.stop > 0.0 and row.seat_area != before.seat_area:
         _see_edge(&s.live, row.seat_area < before.seat_area)
 
@@ -127,21 +133,25 @@ cdef inline void _see_edge(Live* live, bint falls) noexcept nogil:
 
 cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
     """Correct the bank by a sample, and give the sample's row the rate by it; else the row keeps that of x^."""
-    cdef double rate, sigma
+    cdef double[NUMBERS] by
+    cdef double moved, sigma, flow = s.coefficients.nozzle.flow * s.observer.memory.in_force.flow_factor
     live, row = &s.live, &s.observer.ring[position & MASK]
     row.open_loop_rate, row.rate_sigma, row.as_believed = row.injection_rate, NAN, 1.0
     if not live.follows:
         return
-    _widen_first_filter(live, &s.observer.memory.operating_point)
+    _widen_beliefs(live, &s.observer.memory.operating_point)
     _take_innovation(s, position)
-    rate = _live_rate(s, position, &sigma)
+    if not _take_rate_slopes(s, position, by):
+        row.rate_sigma = 0.0
+        return
+    mix_filters(&live.bank)
+    moved, sigma = moved_by(&live.bank, by), _rate_sigma(s, row, by)
     if row.seat_area > 0.0:
         _go_through_stretch(s)
-    live.follows = fabs(rate) + sigma < FURTHEST * s.coefficients.nozzle.flow  # neither, if not finite
+    live.follows = fabs(moved) + sigma < FURTHEST  # neither, if not finite
     if live.follows:
-        factor = s.observer.memory.in_force.flow_factor
-        row.injection_rate = max(row.injection_rate + factor * rate, 0.0)
-        row.rate_sigma, row.as_believed = factor * sigma, live.bank.filters[0].weight
+        row.injection_rate = max(row.injection_rate + flow * moved, 0.0)
+        row.rate_sigma, row.as_believed = flow * sigma, live.bank.filters[0].weight
 
 
 cdef inline void _take_innovation(Stepping* s, int64_t position) noexcept nogil:
@@ -196,38 +206,51 @@ cdef inline void _join_oldest(double* by, int64_t rows) noexcept nogil:
         row[STRETCHES - 1] = 0.0
 
 
-cdef inline void _widen_first_filter(Live* live, const OperatingPoint* point) noexcept nogil:
-    """Let the first filter go as far as the second, once no event has shown the flow for so long an opening."""
+cdef inline void _widen_beliefs(Live* live, const OperatingPoint* point) noexcept nogil:
+    """Let a flow as believed be another one that moves on, from where on no event has shown so long an opening."""
+    cdef int64_t i
     if live.has_widened or point.in_learned_range:
         return
-    live.has_widened, live.bank.walks[0] = True, live.bank.walks[1]
-    if point.known_until == 0.0:  # else its spread is that of the part of the opening that is known
-        widen_flow(&live.bank.filters[0], live.bank.stretches, FLOW, FLOW)
+    live.has_widened, bank = True, &live.bank
+    for i in range(<int64_t> EXPLANATIONS):
+        if WIDTHS[i].nozzle == AS_BELIEVED:
+            bank.walks[i], bank.bends[i] = WALK, BEND
+            widen_flow(&bank.filters[i], newest_of(bank), SLOPE, SLOPE)
+            widen_past_flow(&bank.filters[i], bank.stretches, FLOW if point.known_until == 0.0 else 0.0)
 
 
-cdef double _live_rate(Stepping* s, int64_t position, double* sigma) noexcept nogil:
-    """Return what the bank adds to the injection rate of x^ [m3/s]; sigma: standard deviation of the rate."""
-    cdef double[NUMBERS] by
-    cdef double moved = 0.0, variance = 0.0, along
+cdef bint _take_rate_slopes(Stepping* s, int64_t position, double* by) noexcept nogil:
+    """Take the derivatives (NUMBERS,) of the rate of x^ by the bank's numbers, in units of the nozzle's flow.
+
+    False, with nothing done, where nothing flows.
+    """
     cdef FlowSlopes flows
     cdef Inputs u = s.forced.interval.end
     cdef int64_t i, j
-    x, t, bank = _x_hat(s, position), &s.live.of_hat, &s.live.bank
-    sigma[0] = 0.0
+    x, t = _x_hat(s, position), &s.live.of_hat
     u.area = max(u.area, 0.0)
     if u.area <= 0.0 and x[SAC] == 0.0:
-        return 0.0
+        return False
     flow_slopes(x, &u, &s.forced.coefficients, &s.forced.network, &flows)
     flow_slopes_by_theta(u, &flows, t, t.of_flows, t.of_flows + NUMBERS)
     for j in range(<int64_t> NUMBERS):
         by[j] = t.of_flows[j]
         for i in range(3):
             by[j] += flows.h_x[i] * t.by[i * NUMBERS + j]
-    for j in range(<int64_t> NUMBERS):
-        along = 0.0
-        for i in range(<int64_t> NUMBERS):
-            along += bank.covariance[j][i] * by[i]
-        moved += by[j] * bank.mean[j]
-        variance += by[j] * along
-    sigma[0] = s.coefficients.nozzle.flow * sqrt(max(variance, 0.0))
-    return s.coefficients.nozzle.flow * moved
+    return True
+
+
+cdef double _rate_sigma(Stepping* s, const Sample* row, const double* by) noexcept nogil:
+    """Standard deviation of the rate with derivatives (NUMBERS,), in units of the nozzle's flow.
+
+    An injector that is as believed has the flow that events have shown.
+    """
+    cdef double seat, nozzle = 0.0
+    bank, point = &s.live.bank, &s.observer.memory.operating_point
+    covariance, shown = &bank.covariance[0][0], is_shown(point, row)
+    if shown and bank.filters[0].weight > BELIEVED:
+        covariance = &bank.filters[0].covariance[0][0]
+    if not shown and falls(point, row):
+        nozzle = UNSEEN * by[newest_of(bank)]
+    seat = by[OF_SEAT] * (SEAT_SHARE if shown else UNSEEN)
+    return sqrt(variance_by(covariance, by) + nozzle * nozzle + seat * seat)

@@ -230,6 +230,7 @@ cdef struct OperatingPoint:
     unsigned char in_learned_range  # the flow is known well enough for an injection as the last one
     double known_from  # s since it opened, for its rail pressure
     double known_until
+    double full_rate  # m3/s, steady through a full nozzle as believed, at its rail pressure
     double widest  # seat area so far
     double up_until  # s since it opened, until which it did not fall
     double flow  # sum of the rates of its samples with an open needle

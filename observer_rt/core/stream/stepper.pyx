@@ -19,11 +19,14 @@ from observer_rt.core.model.needle cimport NEEDLE_JITTER, NEEDLE_NUMBERS, OPENIN
 from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
 from observer_rt.core.model.valve cimport VALVE_TAIL, Stroke, valve_edge
 from observer_rt.core.stream.filter_bank cimport (
-    EXPLANATIONS, NUMBERS, OF_CLOSING, OF_DELAY, OF_FRICTION, OF_LAG, OF_NOZZLE, OF_OFFSET, OF_SEAT, OF_STIFFNESS,
-    STRETCHES, UNUSED, FilterBank, Widths, begin_anew, begin_bank, begin_stretch, correct_filters, forget_stretch,
-    newest_of, widen_flow
+    EXPLANATIONS, NUMBERS, OF_CLOSING, OF_DELAY, OF_FRICTION, OF_LAG, OF_NOZZLE, OF_OFFSET, OF_SEAT, OF_SLOPE,
+    OF_STIFFNESS, STRETCHES, UNUSED, FilterBank, Widths, begin_anew, begin_bank, begin_stretch, correct_filters,
+    forget_stretch, mix_filters, moved_by, newest_of, variance_by, widen_flow, widen_past_flow
 )
-from observer_rt.core.stream.state cimport COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint
+from observer_rt.core.stream.operating_point cimport BELIEVED, falls, is_shown
+from observer_rt.core.stream.state cimport (
+    COMMANDS, MASK, RAIL, STEPPING_CORRECT, STEPPING_PREDICT, OperatingPoint, Sample
+)
 from observer_rt.core.stream.stream cimport Stream
 
 cdef double LONGEST_RERUN = 2e-3  # s before a sample, from which on the pair is run again at most

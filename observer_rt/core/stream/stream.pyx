@@ -10,6 +10,7 @@ from libc.string cimport memcpy
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
 from observer_rt.core.model.needle cimport CORNER_ROUNDING, NeedleStroke, answers, lands, rounded_lift
 from observer_rt.core.records import dtype_of, enum_of, tuple_of
+from observer_rt.core.stream.operating_point cimport BELIEVED, FULL_LIFT, falls, is_shown
 from observer_rt.core.stream.ramps cimport slope_of_means
 from observer_rt.core.stream.state cimport *
 from observer_rt.core.stream.validity cimport *

@@ -33,6 +33,7 @@ LEAST_MASS_SHARE = 1.2e-3  # of a mass, by cells at the closed end, corners of t
 ANSWERED_MASS_SHARE = 3e-3  # of a mass, where the lift was not measured: found on plants of other lines and needles
 RATE_MISFIT = 0.02  # of a measured rate, above which its meter, and not the injector, gives it its shape
 METER_MISFIT_SHARE = 0.5  # of the misfit, below which a meter must bring it to explain it
+TOLERATED_MISFIT = 0.005  # of measured masses, beyond their sigma, from which on it is said
 COMPARISON_TIME = 0.8  # share of all the time that the comparison of structures takes
 
 
@@ -125,13 +126,15 @@ class CalibrationResult:
         """Standard deviation of a mass, as a share, that learning will not remove.
 
         Its causes are the change by a recording left out, other structures that explain the recordings as well,
-        edges of the lift between slow instants, a lift not measured, and a floor. `level_share` has the level's own.
+        edges of the lift between slow instants, a lift not measured, measured masses that the model does not meet,
+        and a floor. `level_share` has the level's own.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
         between = max(map(share_between_samples, self.measurements))
         answered = ANSWERED_MASS_SHARE if self.measurements[0].is_answered else 0.0
-        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, between, answered)
+        misfit = self.comparison.mass_misfit
+        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, between, answered, misfit)
 
     @property
     def level_share(self) -> float | None:
@@ -176,7 +179,8 @@ def calibrate(
     if not has_shape and meter is None and (metered := _metered_fit(choice.best, coarse, misfit)) is not None:
         choice, meter, misfit = replace(choice, best=metered.best), metered.meter, metered.misfit
         folds = tuple(by_meter(fold, meter) for fold in folds)
-    fine = [replace(thinned(fold, search.FINE_EVENTS), rate_shape=has_shape) for fold in folds]
+    tempering = max(1.0, choice.best.unexplained.mean)
+    fine = [replace(thinned(fold, search.FINE_EVENTS), rate_shape=has_shape, tempering=tempering) for fold in folds]
     best, kept = search.settled(choice.best, file, fine)
     comparison = compared(file, best.injector, best.offsets, best.calibration.folds)
     result = CalibrationResult(file, recordings, choice, best, kept, source, comparison, misfit, meter or ())

@@ -86,6 +86,7 @@ class RecordingMass(DocumentPart):
     rail_pressure_MPa: Number  # noqa: N815 - units as printed
     mass_mg: Pair
     measured_mass_mg: Number
+    measured_sigma_mg: Number
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +170,16 @@ class Comparison:
                 result.append(Residual(signal=signal, phase=phase.label, rms=rms, unit=signal.unit, chi2=chi2))
         return tuple(result)
 
+    @property
+    def mass_misfit(self) -> float:
+        """Root mean square of modelled masses beside the measured ones, as a share of these, beyond their sigma."""
+        beyond = [
+            (MILLIGRAM * self.after.mass(number) / weighed.mass - 1.0) ** 2 - (weighed.sigma / weighed.mass) ** 2
+            for number, fold in enumerate(self.after.folds)
+            if (weighed := fold.weighed) is not None
+        ]
+        return math.sqrt(max(float(np.mean(beyond)), 0.0)) if beyond else 0.0
+
     def masses(self, level: float) -> tuple[RecordingMass, ...]:
         """Masses of every fold; level: factor on all, for a sensor's gain that was removed before the fit."""
         return tuple(
@@ -177,6 +188,7 @@ class Comparison:
                 rail_pressure_MPa=fold.measurement.rail_pressure / MEGAPASCAL,
                 mass_mg=self._both(lambda model, number: level * model.mass(number), number),
                 measured_mass_mg=math.nan if fold.weighed is None else level * fold.weighed.mass / MILLIGRAM,
+                measured_sigma_mg=math.nan if fold.weighed is None else level * fold.weighed.sigma / MILLIGRAM,
             )
             for number, fold in enumerate(self.after.folds)
         )

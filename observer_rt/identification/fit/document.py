@@ -181,7 +181,7 @@ def _disagreement(done: calibrate.CalibrationResult) -> str:
 
 def oddities(done: calibrate.CalibrationResult) -> list[str]:
     """Fitted numbers that physics does not allow, with the entry of the file that is probably wrong; those at an end
-    of the range tried."""
+    of the range tried; measured masses that the model does not meet."""
     odd = _beyond_physics(done)
     check = "" if done.inadequate else "; check {}"  # a model that lacks something makes numbers up for it
     result = [f"implausible: {one.words}{check.format(one.made_up_for or one.name)}" for one in odd]
@@ -191,6 +191,11 @@ def oddities(done: calibrate.CalibrationResult) -> list[str]:
         if is_least or value > 0.99 * parameter.highest:
             size = f"{parameter.name} = {value / parameter.si:.4g} {parameter.unit}"
             result.append(f"{size} is at the end of the range tried")
+    if (misfit := done.comparison.mass_misfit) > calibrate.TOLERATED_MISFIT:
+        result.append(
+            f"the measured masses are {misfit:.2%} (rms) beside the model's, beyond their sigma, which is in every "
+            "interval: weigh again, or look for what the line lacks, such as a pilot valve"
+        )
     return result
 
 

@@ -40,13 +40,16 @@ class Fold:
     weights: Floats  # (events,) number of injections for which each event stands
     weighed: MeanMass | None = None  # None: not measured
     rate_shape: bool = False  # whether a measured rate counts sample by sample, and not by its integrals alone
+    tempering: float = (
+        1.0  # mean square of what pressures leave, over noise: a mass has none of it, and counts for more
+    )
 
     def mass_residuals(self, masses: Floats) -> Floats:
-        """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,), or (0,)."""
+        """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,) or (0,)."""
         if self.weighed is None:
             return np.zeros(0)
         mean = np.average(masses, weights=self.weights)
-        return np.array([(mean - self.weighed.mass) / self.weighed.sigma])
+        return np.array([(mean - self.weighed.mass) / self.weighed.sigma]) * math.sqrt(self.tempering)
 
 
 def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass]) -> tuple[Fold, ...]:

@@ -1,7 +1,7 @@
 """Shows a fit: tables in printed units, and a figure."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import matplotlib as mpl
@@ -72,22 +72,30 @@ def print_fit(fit: FitDocument, console: Console) -> None:
     ]
     names = ("signal", "phase", "rms", "", "", "unit", "chi2", "", "")
     console.print(plain_table(names, residuals, right=(2, 3, 4, 6, 7, 8), folds=()))
+    if weighed := [*_weighed(fit)]:
+        say(console, "\nmasses [mg], measured and fitted")
+        names = ("recording", "MPa", "measured", "fitted", "off", "sigmas")
+        console.print(plain_table(names, weighed, right=range(1, 6), folds=(0,)))
     for line in _masses(fit):
         say(console, line)
     say(console, f"\nabsolute level: {fit.level['words']}")
     say(console, f"verdict: {fit.verdict_words}")
 
 
+def _weighed(fit: FitDocument) -> Iterator[tuple[str, ...]]:
+    """Rows of the masses that were measured."""
+    for mass in fit.masses:
+        if (measured := mass.measured_mass_mg) is not None and (fitted := mass.mass_mg["fitted"]) is not None:
+            off = (fitted - measured) / (mass.measured_sigma_mg or math.nan)
+            name, rail = Path(mass.recording).name, f"{mass.rail_pressure_MPa:.0f}"
+            yield name, rail, f"{measured:.2f}", f"{fitted:.2f}", f"{fitted / measured - 1.0:+.2%}", f"{off:+.1f}"
+
+
 def _masses(fit: FitDocument) -> Iterable[str]:
     before, after = (np.array([one.mass_mg[by] for one in fit.masses], float) for by in ("file", "fitted"))
-    measured = np.array([one.measured_mass_mg for one in fit.masses], float)
-    if np.isfinite(measured).any():
-        share = (after / measured - 1.0)[np.isfinite(measured)]
-        worst = share[np.argmax(np.abs(share))]
-        yield f"mass of a recording beside the measured: {np.mean(share):+.2%} in the mean, {worst:+.2%} at worst"
     if np.isfinite(before).all():
         yield f"mass of an injection, mean: {np.mean(before):.2f} -> {np.mean(after):.2f} mg"
-    because = "what a recording left out changes, structures that do as well, slow instants"
+    because = "what a recording left out changes, structures that do as well, slow instants, measured masses"
     yield f"mass uncertain by the model: {fit.mass_share:.2%} (1 sigma; {because})"
     sigma, mass = max((sigma or 0.0, mass) for sigma, mass in zip(fit.told_shares, after, strict=True))
     yield f"one injection's own pressures tell a mass of {mass:.3g} mg to ±{Z_95 * sigma:.1%} at best (95 %)"

@@ -59,12 +59,10 @@ def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong
     fitted = tmp_path / "fitted.toml"
     done = command.done("fit", *healthy, "--model", wrong, "--output", fitted, "--mass", masses, "--json")
     document = json.loads(done.out, parse_constant=lambda name: pytest.fail(name))
-    assert (document["schema"], document["verdict"]) == (1, "adequate")
-    assert document["level"]["from"] == "measured_mass"
-    assert document["parameters"]["line.diameter"]["unit"] == "mm"
+    assert (document["schema"], document["verdict"], document["level"]["from"]) == (1, "adequate", "measured_mass")
+    assert (document["parameters"]["line.diameter"]["unit"], document["baseline"]["injections"]) == ("mm", 6)
     low, high = document["parameters"]["nozzle.flow_coefficient"]["ci95"]
     assert low < document["parameters"]["nozzle.flow_coefficient"]["value"] < high
     assert {one["phase"] for one in document["residuals"]} == {"standstill", "opening", "open", "closing", "after"}
     assert [one["measured_mass_mg"] for one in document["masses"]] == [None, pytest.approx(144.2)]
     assert all(one["name"].startswith("one lump") for one in document["structures"])  # for a lump explains it all
-    assert document["baseline"]["injections"] == 6

@@ -95,8 +95,8 @@ def reference_rates(stream: Stream, first: int, count: int) -> Floats:
         weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
         mean, by = weights @ np.array([kalman.mean for kalman in filters]), by_rates[k]
         spreads = [by @ kalman.covariance @ by + (by @ (kalman.mean - mean)) ** 2 for kalman in filters]
-        known = weights @ spreads if weights[0] <= 0.8 else spreads[0] - (by @ (filters[0].mean - mean)) ** 2
-        result.append((max(rates[k] + by @ mean, 0.0), np.hypot(np.sqrt(known), 0.003 * by[SEAT])))
+        total = weights @ spreads if weights[0] <= 0.8 else spreads[0] - (by @ (filters[0].mean - mean)) ** 2
+        result.append((max(rates[k] + by @ mean, 0.0), np.hypot(np.sqrt(total), 0.003 * by[SEAT])))
         if stretches[k + 1] > stretches[k]:
             for kalman, (_, _, walk, _) in zip(filters, EXPLANATIONS, strict=True):
                 walk_on(kalman, NOZZLE + stretches[k + 1], walk)

@@ -65,3 +65,4 @@ cdef inline void count_falls(Observer* observer, Sample* row, bint is_new) noexc
     monitor.lowest_drop = drop if is_new else min(monitor.lowest_drop, drop)
     if not monitor.contradicted and -monitor.lowest_drop * observer.constants.pressure_scale > FALL:
         monitor.falls += 1
+        memory.counts.unseen_injections += 1

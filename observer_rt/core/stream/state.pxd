@@ -291,6 +291,7 @@ cdef struct Counts:
     int64_t events_closed
     int64_t injections_begun
     int64_t injections_reported  # or given up: engine/service/judging.py
+    int64_t unseen_injections  # falls of the line pressure as by an injection, though no needle opened
 
 # front_end.pxi: the part of a ramp that a lift recorded too low does not show
 cdef struct Ramp:

@@ -104,6 +104,7 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
             "valid_share": valid / len(injections) if injections else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
+            "unseen_injections": evaluation.counters.unseen_injections,
             **({} if level is None else {"level_ci95_pct": level.bound_pct, "calibrated": level.is_calibrated}),
             **_energizing_json(evaluation),
         },
@@ -166,6 +167,10 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
         say(console, f"injection {result.number}: {result.remainder_text}")
     if evaluation.has_energizing:
         say(console, f"{counters.commands} commands, {counters.missing_injections} injections missing")
+    if unseen := counters.unseen_injections:
+        begun = "the lift" if evaluation.has_lift else "the commands"
+        more = f"{unseen} injection{'s' * (unseen != 1)} more that {begun} did not show"
+        say(console, f"{more}: the line pressure fell as by one; no row and no sum has its mass")
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
         if reason is Reason.OUTSIDE_LEARNED_RANGE:

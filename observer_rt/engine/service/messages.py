@@ -256,6 +256,8 @@ class Counters:
     jumps: Annotated[int, "alignment.jumps"]
     events: Annotated[int, "observer.judgement.events_judged"]
     injections: Annotated[int, "observer.counts.injections_reported"]
+    unseen_injections: Annotated[int, "observer.counts.unseen_injections"]
+    """Falls of the line pressure as by an injection, that neither lift nor command began."""
     adoptions: int
     rejected_adoptions: int
     late_adoptions: int

@@ -129,8 +129,7 @@ def test_the_legend_of_several_recordings_lies_on_nothing(count: int) -> None:
     drawn.draw_without_rendering()
     (legend,) = drawn.legends
     box = legend.get_window_extent()
-    assert box.x0 >= 0.0
-    assert box.x1 <= drawn.bbox.x1
+    assert 0.0 <= box.x0 < box.x1 <= drawn.bbox.x1
     others = [axes.get_tightbbox() for axes in drawn.axes]
     assert not any(box.overlaps(other) for other in others if other is not None)
     assert drawn.get_suptitle() == ""

@@ -46,8 +46,7 @@ def after(events: int, height: float, until: int = UNTIL) -> coil_current.CoilCu
 def test_end_and_height_of_the_pulse_are_found(height: float) -> None:
     pulse = after(20, height).pulse
     assert pulse is not None
-    assert pulse.before == BEFORE
-    assert pulse.until == UNTIL
+    assert (pulse.before, pulse.until) == (BEFORE, UNTIL)
     assert pulse.height == pytest.approx(height * SIGMA, rel=0.1)
 
 

@@ -38,7 +38,7 @@ class Evaluation:
         self.path = source.path
         self.sample_rate = source.sample_rate
         self.has_rate, self.has_lift = "injection_rate" in source.optional, source.has_lift
-        self.injections: list[InjectionResult] = []
+        self.injections, self.commands = list[InjectionResult](), 0  # by the recording's own energizing
         self.curves: dict[int, RateCurves] = {}
         """Curves of injections by their number, where any are drawn."""
         self.source, self._meter = source, source.meter or ()

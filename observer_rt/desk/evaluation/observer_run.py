@@ -246,7 +246,7 @@ class ObserverRun:
                 sink.first_index = start_index if chunk.stretch == 0 else sink.first_index
             self._samples.give(chunk.first, chunk.time, chunk.injection_rate)
             if chunk.energizing is not None:
-                self._energize(start_index + chunk.first, chunk.energizing > 0.5)
+                sink.commands += self._energize(start_index + chunk.first, chunk.energizing > 0.5)
             self._observe_surrounded(chunk)
 
     def _observe_surrounded(self, chunk: Chunk) -> None:
@@ -261,9 +261,9 @@ class ObserverRun:
             self._core.optional.take(Surroundings(**values))
             self._observe(self._device.blocks(cut(chunk, first, min(first + piece, chunk.samples))))
 
-    def _energize(self, first_index: int, level: Bools) -> None:
-        """Tell the observer the commands in samples (n,) of a level, which no frame carries."""
-        observer = self._core.compiled.observer
+    def _energize(self, first_index: int, level: Bools) -> int:
+        """Tell the observer the commands in samples (n,) of a level, which no frame carries; how many began."""
+        observer, before = self._core.compiled.observer, self._commands
         for row in np.flatnonzero(np.diff(level, prepend=self._is_energized)).tolist():
             if level[row]:
                 self._commands, self._command_start = self._commands + 1, first_index + row
@@ -272,6 +272,7 @@ class ObserverRun:
                 length = first_index + row - self._command_start
                 energize(observer, self._commands - 1, self._command_start, length)
         self._is_energized = bool(level[-1])
+        return self._commands - before
 
     def finish(self) -> None:
         """Judge every event: no recording will come."""

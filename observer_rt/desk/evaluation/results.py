@@ -105,6 +105,7 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
             "unseen_injections": evaluation.counters.unseen_injections,
+            "commands": evaluation.commands,
             **({} if level is None else {"level_ci95_pct": level.bound_pct, "calibrated": level.is_calibrated}),
             **_energizing_json(evaluation),
         },
@@ -167,10 +168,13 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
         say(console, f"injection {result.number}: {result.remainder_text}")
     if evaluation.has_energizing:
         say(console, f"{counters.commands} commands, {counters.missing_injections} injections missing")
+    if (idle := evaluation.commands - count) > 0:
+        is_dead = evaluation.has_lift and idle > count  # else shots that are too short, or one with the next
+        remedy = "\n  remedy: if the lift sensor failed, leave its column out: then the commands stand for the needle"
+        say(console, f"{idle} of {evaluation.commands} commands opened no needle{remedy * is_dead}")
     if unseen := counters.unseen_injections:
-        begun = "the lift" if evaluation.has_lift else "the commands"
-        more = f"{unseen} injection{'s' * (unseen != 1)} more that {begun} did not show"
-        say(console, f"{more}: the line pressure fell as by one; no row and no sum has its mass")
+        more = f"{unseen} more that {'the lift' if evaluation.has_lift else 'the commands'} did not show"
+        say(console, f"injections: {more}: the line pressure fell as by one; no row and no sum has its mass")
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
         if reason is Reason.OUTSIDE_LEARNED_RANGE:

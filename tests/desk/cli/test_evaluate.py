@@ -37,8 +37,8 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert json_document["schema"] == 1
     (recording,) = json_document["recordings"]
     assert recording.keys() == RECORDING_KEYS
-    summary = {"valid_share", "adoptions", "rejected_adoptions", "level_ci95_pct", "calibrated"}
-    assert recording["summary"].keys() == summary
+    counts = {"adoptions", "rejected_adoptions", "unseen_injections", "commands"}
+    assert recording["summary"].keys() == {"valid_share", *counts, "level_ci95_pct", "calibrated"}
     assert recording["summary"]["calibrated"] is False  # for nothing is stated
     assert (recording["file"], recording["sample_rate_hz"]) == (str(worn), 50e3)
     assert (recording["lost_samples"], recording["checks"][0]["id"]) == (0, "rail_line_offset")

@@ -159,7 +159,9 @@ def test_an_injection_whose_command_is_lost_is_counted() -> None:
     commands = energized(schedule, seen.time) * (np.abs(seen.time - schedule.events[3].start) > 5e-3)
     (evaluation,) = evaluate(BENCH, [replace(seen, energizing=commands).without_lift()]).evaluations
     assert (len(evaluation.reports), evaluation.counters.unseen_injections) == (4, 1)
-    assert "1 injection more that the commands did not show" in screen_text(evaluation, C)
+    assert "injections: 1 more that the commands did not show" in screen_text(evaluation, C)
+    dead = replace(seen, energizing=energized(schedule, seen.time), needle_lift=seen.needle_lift * (seen.time < 0.3))
+    assert "2 of 5 commands opened no needle" in screen_text(evaluate(BENCH, [dead]).evaluations[0], C)
 
 
 def test_trace_file(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ from numpy import array, zeros, zeros_like
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, sac_stiffness, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, flow_slopes, flow_slopes_by_theta, predict, rate_after,
-    servos_over, shown_under_terms, trusted_under_terms, under_terms
+    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, predict, rate_after, rate_slopes, servos_over,
+    shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.needle cimport NEEDLE_NUMBERS
 from observer_rt.core.model.records cimport (
@@ -94,31 +94,19 @@ cdef class _FlowRecord:
         """Note the rate of sample k, one after `begin`, with slopes by flows and state, whichever line there is."""
         cdef int64_t n = t.n, m = self.slopes.shape[1], i, j
         cdef FlowSlopes flows
-        cdef Inputs u = forced.interval.end
         cdef double nozzle_flow = forced.coefficients.nozzle.flow, relaxation
-        cdef double* slopes = &self.slopes[k, 0]
-        cdef double* gradient = &self.gradient[k, 0]
         c = &forced.coefficients
         for i in range(n):
             for j in range(n):
                 self.transition[k, i, j] = t.by[i * t.m + m + j]
-        u.area = max(u.area, 0.0)
-        if u.area <= 0.0 and x[SAC] == 0.0:
+        if not rate_slopes(x, forced, t, m, nozzle_flow, &flows, &self.gradient[k, 0], &self.slopes[k, 0]):
             return
-        flow_slopes(x, &u, c, &forced.network, &flows)
-        flow_slopes_by_theta(u, &flows, t, t.of_flows, t.of_flows + t.m)
         self.rate[k], self.fullness[k] = nozzle_flow * flows.q_h, x[SAC] / x[0]
-        for i in range(3):
-            gradient[i] = nozzle_flow * flows.h_x[i]
-        gradient[n] = nozzle_flow * flows.h_area
-        for j in range(m):
-            slopes[j] = nozzle_flow * t.of_flows[j]
-            for i in range(3):
-                slopes[j] += gradient[i] * t.by[i * t.m + j]
+        self.gradient[k, n] = nozzle_flow * flows.h_area
         # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area
         relaxation = c.sac.a6 * flows.h_x[2] - c.sac.a5 * flows.s_x[2]
         self.relaxation[k] = relaxation * sac_stiffness(x[SAC], &c.sac)
-        if u.area > 0.0:
+        if forced.interval.end.area > 0.0:
             self.by_area[k] = (c.sac.a5 * flows.s_area - c.sac.a6 * flows.h_area) / relaxation
 
 

@@ -157,6 +157,30 @@ cdef void flow_slopes_by_theta(
         of_h[theta.nozzle[number]] = flows.h_number[number][0] * flows.h_number[number][1]
 
 
+cdef bint rate_slopes(
+    const double* x, const Forced* forced, Tangent* t, int64_t m, double scale, FlowSlopes* flows, double* by_state,
+    double* by_theta
+) noexcept nogil:
+    """Derivatives of q_H, times a scale, by the first states (3,), and by theta (m,) at the end of an interval.
+
+    False, with nothing done, where nothing flows.
+    """
+    cdef Inputs u = forced.interval.end
+    cdef int64_t i, j
+    u.area = max(u.area, 0.0)
+    if u.area <= 0.0 and x[SAC] == 0.0:
+        return False
+    flow_slopes(x, &u, &forced.coefficients, &forced.network, flows)
+    flow_slopes_by_theta(u, flows, t, t.of_flows, t.of_flows + t.m)
+    for i in range(3):
+        by_state[i] = scale * flows.h_x[i]
+    for j in range(m):
+        by_theta[j] = scale * t.of_flows[j]
+        for i in range(3):
+            by_theta[j] += by_state[i] * t.by[i * t.m + j]
+    return True
+
+
 cdef inline void _by_weights(
     int first, int end, const double* z, double flow, const Tangent* t, double* row
 ) noexcept nogil:

@@ -33,11 +33,9 @@ cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, con
 cdef double rate_and_phi(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* phi
 ) noexcept nogil
-cdef void flow_slopes(
-    const double* x, const Inputs* u, const Coefficients* c, const Network* network, FlowSlopes* flows
-) noexcept nogil
-cdef void flow_slopes_by_theta(
-    Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
+cdef bint rate_slopes(
+    const double* x, const Forced* forced, Tangent* t, int64_t m, double scale, FlowSlopes* flows, double* by_state,
+    double* by_theta
 ) noexcept nogil
 cdef void advance_over(
     double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t

@@ -133,7 +133,9 @@ cdef inline void _see_edge(Live* live, bint falls) noexcept nogil:
 
 cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
     """Correct the bank by a sample, and give the sample's row the rate by it; else the row keeps that of x^."""
+    cdef FlowSlopes flows
     cdef double[NUMBERS] by
+    cdef double[3] by_state
     cdef double moved, sigma, flow = s.coefficients.nozzle.flow * s.observer.memory.in_force.flow_factor
     live, row = &s.live, &s.observer.ring[position & MASK]
     row.open_loop_rate, row.rate_sigma, row.as_believed = row.injection_rate, NAN, 1.0
@@ -141,7 +143,7 @@ cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
         return
     _widen_beliefs(live, &s.observer.memory.operating_point)
     _take_innovation(s, position)
-    if not _take_rate_slopes(s, position, by):
+    if not rate_slopes(_x_hat(s, position), &s.forced, &live.of_hat, NUMBERS, 1.0, &flows, by_state, by):
         row.rate_sigma = 0.0
         return
     mix_filters(&live.bank)
@@ -217,27 +219,6 @@ cdef inline void _widen_beliefs(Live* live, const OperatingPoint* point) noexcep
             bank.walks[i], bank.bends[i] = WALK, BEND
             widen_flow(&bank.filters[i], newest_of(bank), SLOPE, SLOPE)
             widen_past_flow(&bank.filters[i], bank.stretches, FLOW if point.known_until == 0.0 else 0.0)
-
-
-cdef bint _take_rate_slopes(Stepping* s, int64_t position, double* by) noexcept nogil:
-    """Take the derivatives (NUMBERS,) of the rate of x^ by the bank's numbers, in units of the nozzle's flow.
-
-    False, with nothing done, where nothing flows.
-    """
-    cdef FlowSlopes flows
-    cdef Inputs u = s.forced.interval.end
-    cdef int64_t i, j
-    x, t = _x_hat(s, position), &s.live.of_hat
-    u.area = max(u.area, 0.0)
-    if u.area <= 0.0 and x[SAC] == 0.0:
-        return False
-    flow_slopes(x, &u, &s.forced.coefficients, &s.forced.network, &flows)
-    flow_slopes_by_theta(u, &flows, t, t.of_flows, t.of_flows + NUMBERS)
-    for j in range(<int64_t> NUMBERS):
-        by[j] = t.of_flows[j]
-        for i in range(3):
-            by[j] += flows.h_x[i] * t.by[i * NUMBERS + j]
-    return True
 
 
 cdef double _rate_sigma(Stepping* s, const Sample* row, const double* by) noexcept nogil:

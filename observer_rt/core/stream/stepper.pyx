@@ -7,9 +7,8 @@ from libc.string cimport memcpy, memset
 from numpy import zeros
 
 from observer_rt.core.model.model cimport (
-    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, flow_slopes, flow_slopes_by_theta, follow_stroke,
-    is_shut_under_terms, needle_speed, predict, rate_and_phi, rest_line, shown_under_terms, trusted_under_terms,
-    under_terms, valve_at
+    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, follow_stroke, is_shut_under_terms, needle_speed,
+    predict, rate_and_phi, rate_slopes, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
     BY_LINE, BY_NOZZLE, BY_SEAT, PAST_NUMBERS, SAC, TOTALS, Coefficients, FlowSlopes, Forced, Forcing, Gradient, Inputs,

@@ -20,14 +20,15 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.likelihood.measurement import Measurement
 
 INJECTION_RATE = "injection_rate"
-RECORDING, MASS, RATE, SIGMA, NAMES = "recording", "mass_mg", "rate_file", "sigma_mg", "names"
+RECORDING, MASS, RATE, NAMES = "recording", "mass_mg", "rate_file", "names"
+SIGMA, PERCENT = "sigma_mg", "sigma_percent"  # one of both, if any
 SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
 LARGEST_MASS = 2000.0  # mg
 FLOWS = 0.2  # of the highest rate of a meter, above which it shows an injection
 EVENT_GAP = 10e-3  # s without such a rate, beyond which another injection begins, as in `[learning] event_gap_ms`
 _EXAMPLE = (
     f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4, or of a rate meter's tables "
-    f"{RECORDING},{RATE}[,{SIGMA}] with healthy_60.csv,tube_60.txt"
+    f"{RECORDING},{RATE}[,{PERCENT}] with healthy_60.csv,tube_60.txt"
 )
 _HEADED = (
     "write names and units of its columns above the numbers, such as: # time [ms], rate [mg/ms]; or in the table of "
@@ -51,7 +52,8 @@ def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -
 
     CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one) or `rate_file` (table of a
     rate meter whose integral that mean is, by its path from this file), and, where there are such columns, `sigma_mg`
-    (standard deviation, else 0.5 %) and `names` (those of the meter's columns, with units, where its table has none).
+    or `sigma_percent` (standard deviation, else 0.5 %) and `names` (those of the meter's columns, with units, where
+    its table has none).
     density: of the fuel [kg/m3]. Raises `UserError` naming the line.
     """
     masses: dict[int, MeanMass] = {}
@@ -75,7 +77,7 @@ def _rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
         except (csv.Error, UnicodeDecodeError) as error:
             raise UserError(str(path), f"is no CSV: {error}", _EXAMPLE) from None
     layouts = ({RECORDING, MASS}, {RECORDING, RATE}, {RECORDING, RATE, NAMES})
-    if {*header} - {SIGMA} not in layouts or len({*header}) < len(header):
+    if {*header} - {SIGMA, PERCENT} not in layouts or len({*header}) < len(header) or {SIGMA, PERCENT} <= {*header}:
         raise UserError(f"{path}, line 1", f"has the columns '{', '.join(header)}'", _EXAMPLE)
     for line, cells in enumerate(rows, start=2):
         location = f"{path}, line {line}"
@@ -99,27 +101,29 @@ def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> i
 def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: float) -> MeanMass:
     """Mass of a row of the table, or of the rate meter's table that it names by the path from a folder."""
     if MASS in row:
-        mass = _milligrams(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
+        mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
     else:
         mass = _mass_of_rate(folder / row[RATE], density, row.get(NAMES, "")) / MILLIGRAM
         _refuse_out_of_range(f"{location}, {RATE} {row[RATE]}", f"{mass:.12g}", mass, LARGEST_MASS)
-    stated = row.get(SIGMA)
-    sigma = _milligrams(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
+    share = SHARE_SIGMA
+    if text := row.get(PERCENT):
+        share = 0.01 * _number(f"{location}, {PERCENT}", text, 100.0, "%")
+    sigma = _number(f"{location}, {SIGMA}", text, mass) if (text := row.get(SIGMA)) else share * mass
     return MeanMass(mass * MILLIGRAM, sigma * MILLIGRAM)
 
 
-def _milligrams(location: str, text: str, highest: float) -> float:
+def _number(location: str, text: str, highest: float, unit: str = "mg") -> float:
     """The number in a cell. Raises `UserError` for another text, and out of range."""
     value = math.nan
     with suppress(ValueError):
         value = float(text.replace(",", "."))
-    _refuse_out_of_range(location, text, value, highest)
+    _refuse_out_of_range(location, text, value, highest, unit)
     return value
 
 
-def _refuse_out_of_range(location: str, text: str, value: float, highest: float) -> None:
+def _refuse_out_of_range(location: str, text: str, value: float, highest: float, unit: str = "mg") -> None:
     if not 0.0 < value <= highest:
-        raise UserError(location, f"'{text}' is out of range", f"give mg above 0 and up to {highest:g}")
+        raise UserError(location, f"'{text}' is out of range", f"give {unit} above 0 and up to {highest:g}")
 
 
 def _mass_of_rate(path: Path, density: float, names: str = "") -> float:

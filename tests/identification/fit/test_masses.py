@@ -28,19 +28,19 @@ def _write(folder: Path, text: str) -> Path:
 @SAME_FILE
 @given(
     mass=MASSES,
-    sigma=st.none() | st.just(0.1),
+    column=st.sampled_from(["", "sigma_mg", "sigma_percent"]),
     name=st.sampled_from(["h_1.csv", "/somewhere/h_1.csv"]),
     german=st.booleans(),
 )
-def test_masses_are_read_back(tmp_path: Path, mass: float, sigma: float | None, name: str, german: bool) -> None:
-    header = "recording,mass_mg" if sigma is None else " sigma_mg, recording, mass_mg"
-    row = f"{name},{mass}" if sigma is None else f"{sigma}, {name}, {mass}"
+def test_masses_are_read_back(tmp_path: Path, mass: float, column: str, name: str, german: bool) -> None:
+    header = f" {column}, recording, mass_mg" if column else "recording,mass_mg"
+    row = f"0.1, {name}, {mass}" if column else f"{name},{mass}"
     text = f"{header}\n\n{row}\n"
     if german:
         text = text.replace(",", ";").replace(f"{mass}", f"{mass}".replace(".", ","))
     read = read_masses(_write(tmp_path, text), FOUND, DENSITY)
-    expected = 1e-6 * mass, 1e-6 * (0.005 * mass if sigma is None else sigma)
-    assert read == {1: pytest.approx(expected)}
+    sigma = {"": 0.005 * mass, "sigma_mg": 0.1, "sigma_percent": 0.001 * mass}[column]
+    assert read == {1: pytest.approx((1e-6 * mass, 1e-6 * sigma))}
 
 
 @SAME_FILE
@@ -67,6 +67,7 @@ def test_any_text_is_read_or_refused(tmp_path: Path, text: str) -> None:
         ("recording,mass_mg\nh_0.csv,3\nh_0.csv,4\n", "line 3.*another line"),
         ("recording,mass_mg\nh_0.csv\n", "line 2.*1 cells, the header 2"),
         ("recording,mass_mg,sigma_mg\nh_0.csv,3,5\n", "sigma_mg.*'5' is out of range"),
+        ("recording,mass_mg,sigma_percent\nh_0.csv,3,0\n", "sigma_percent.*'0' is out of range.*give % above 0"),
     ],
 )
 def test_mistakes_are_named(tmp_path: Path, text: str, problem: str) -> None:

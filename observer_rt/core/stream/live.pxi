@@ -5,8 +5,8 @@
 # on a line of cells the mean of as many as its waves are resolved by. The rate of x^, moved along its derivatives by the
 # bank's mean, is the live rate; the bank's covariance is its uncertainty. x~ and x^ themselves stay as they are.
 #
-# What the nozzle passes more is one number for each stretch of time, a random walk; when columns run out, the oldest
-# stretch acts as the next one. A needle that answers commands has another delay at each opening and closing.
+# What the nozzle passes more is one number for each stretch of time, which walks on along a slope; when columns run out,
+# the oldest stretch acts as the next one. A needle that answers commands has another delay at each opening and closing.
 
 cdef double STRETCH = 0.1e-3  # s
 cdef double WIDER = 1.2  # times the innovations' variance, for what a model leaves
@@ -218,7 +218,8 @@ cdef inline void _widen_beliefs(Live* live, const OperatingPoint* point) noexcep
         if WIDTHS[i].nozzle == AS_BELIEVED:
             bank.walks[i], bank.bends[i] = WALK, BEND
             widen_flow(&bank.filters[i], newest_of(bank), SLOPE, SLOPE)
-            widen_past_flow(&bank.filters[i], bank.stretches, FLOW if point.known_until == 0.0 else 0.0)
+            if point.known_until == 0.0:  # else its spread so far is that of the part of the opening that is known
+                widen_past_flow(&bank.filters[i], bank.stretches, FLOW)
 
 
 cdef double _rate_sigma(Stepping* s, const Sample* row, const double* by) noexcept nogil:

@@ -40,9 +40,7 @@ class Fold:
     weights: Floats  # (events,) number of injections for which each event stands
     weighed: MeanMass | None = None  # None: not measured
     rate_shape: bool = False  # whether a measured rate counts sample by sample, and not by its integrals alone
-    tempering: float = (
-        1.0  # mean square of what pressures leave, over noise: a mass has none of it, and counts for more
-    )
+    tempering: float = 1.0  # mean square of what pressures leave, over noise, which makes a mass count for more
 
     def mass_residuals(self, masses: Floats) -> Floats:
         """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,) or (0,)."""

@@ -55,11 +55,11 @@ const RATE = {
   title: "Injection rate", unit: "mm³/ms", span: 10, least: 0, x: TIME,
   columns: (list) => {
     const columns = overlaid(list, { live: "rate_mm3_per_ms" }, {
-      then: "rate_sigma_mm3_per_ms", corrected: "corrected_rate_mm3_per_ms", sigma: "corrected_rate_sigma_mm3_per_ms", nominal: "nominal_rate_mm3_per_ms",
+      live_sigma: "rate_sigma_mm3_per_ms", corrected: "corrected_rate_mm3_per_ms", sigma: "corrected_rate_sigma_mm3_per_ms", nominal: "nominal_rate_mm3_per_ms",
     });
     const end = (rates, sigma, sign) => rates?.map((rate, k) => sum(rate, sign * Z_95, sigma?.[k]));
     const band = (low, high, rates, sigma) => ({ [low]: end(rates, sigma, -1), [high]: end(rates, sigma, 1) });
-    const live = band("live_low", "live_high", columns.live, columns.then);
+    const live = band("live_low", "live_high", columns.live, columns.live_sigma);
     return { ...columns, ...live, ...band("low", "high", columns.corrected, columns.sigma) };
   },
   series: [

@@ -42,6 +42,7 @@ def at_closed_end(
         "chamber_pressure": chamber / scale.pressure,
         "control_flow": stiffness * control_flow_at_scale(parameters),
         "displaced": stiffness * (parameters.line.displacement or 0.0),
+        "refill": stiffness * (parameters.line.control_refill or 0.0),
         "outflow": 0.0,  # terms alone set this and the next
         "loss": 0.0,
     }
@@ -56,7 +57,7 @@ class LumpLine(model.LumpLine):
     __slots__ = ()
     kind = model.LUMP  # number by which `core/model/interval.pxi` chooses the steps
     further = 0  # states beyond p_L and Q_L
-    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "control_flow", "displaced")  # in proportion to K_L
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "control_flow", "displaced", "refill")  # go with K_L
     of_inertance = ("a3", "a4")  # in inverse proportion to the inertance
     averaged = False  # its last state is the integral of p_L [s], see `begin_mean`
     resolved = 0.0  # s, below which waves are not those of a pipe; 0: there are no waves

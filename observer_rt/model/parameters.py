@@ -27,7 +27,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 ValveTime = Annotated[float, Field(ge=-0.5e-3, le=1e-3)]  # s
-Area = Annotated[float, Field(ge=-10e-6, le=10e-6)]  # m2, of either sign
+Area = Annotated[float, Field(ge=-1e-5, le=1e-4)]  # m2, of either sign
 Temperature = Annotated[float, Field(ge=200, le=500)]  # K; what is given in degC is refused
 
 
@@ -94,6 +94,7 @@ class LineParameters(Section):
     control_hold: Annotated[float, Field(ge=-1, le=1)] | None = None  # h, while the needle is at its stop
     # n, of both times by the rail pressure
     control_exponent: Annotated[float, Field(ge=-2, le=2)] | None = None
+    control_refill: Annotated[Area | None, UnitName("m2")] = None  # A_c, of the needle in its chamber, as it falls
     displacement: Annotated[Area | None, UnitName("m2")] = None  # A_d, of the needle at the line's end
 
     @property

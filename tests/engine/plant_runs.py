@@ -12,7 +12,7 @@ from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorPar
 from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot
+from tests.plants.plant import Bench, Event, Needle, Shot, Step, Surroundings
 
 EVENTS = 10
 HEALTHY = Faults()
@@ -23,6 +23,7 @@ GATED = {
 }
 """Effects with a gate, of a bench with a lift."""
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
+TURN = RAIL_PRESSURES[:3]
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
 
 
@@ -56,6 +57,14 @@ def in_turn(
     return tuple(
         Event(rail, (Shot(7e-6 * (k % 5), duration),), faults_at(k)) for k, (rail, duration) in enumerate(points)
     )
+
+
+def worn_bench(
+    count: int, seed: int, *steps: Step, rails: Sequence[float] = TURN, durations: Sequence[float] = (1.4e-3,)
+) -> Bench:
+    """Injections of 30 % more nozzle area, in turn; steps: what becomes of the samples."""
+    events = in_turn(count, lambda _: Faults(orifice_area=0.3), rails, durations)
+    return Bench(Injector(), Needle(), events, seed=seed, around=Surroundings(after_noise=steps))
 
 
 @cache

@@ -77,6 +77,8 @@ class Laws(NamedTuple):
     control_lead: float = 0.28e-3  # s, from when it opens to the needle's lifting
     control_trail: float = 0.17e-3  # s, from when it shuts to the needle's beginning to fall
     control_moves: float = 50e-6  # s, in which the pilot valve opens, or shuts
+    chamber_inlet: float = 0.0  # m3/s at 100 MPa, of its control chamber's throttle from the line; 0: no chamber
+    guide_area: float = 0.0  # m2, of the needle that rises into that chamber, and out of the line's end
     root_coking: float = 0.0  # share of the nozzle's coefficient lost 1 ms after an opening, by the root of time
     seat_choking: float = 0.0  # share of p_L, beyond which a larger drop over the seat passes no more; 0: none
     seat_waves: float = 0.0  # share of the seat's coefficient, in waves over the lift
@@ -276,13 +278,23 @@ def _product(part: Injector, laws: Laws, now: Moment) -> float:
 def outflow(part: Injector, laws: Laws, now: Moment) -> float:
     """What leaves the line at its end beside the injection [m3/s]."""
     drop = max(now.line_pressure - part.chamber_pressure, 0.0)
-    leak = laws.needle_area * now.speed + laws.relief * max(now.line_pressure - REFERENCE, 0.0)
-    leak += laws.yielding * (now.line_pressure - now.remembered_pressure)
-    leak += laws.control_flow * now.valve * math.sqrt(max(now.line_pressure, 0.0) / REFERENCE)
+    leak: float = laws.needle_area * now.speed + laws.relief * max(now.line_pressure - REFERENCE, 0.0)
+    leak += laws.yielding * (now.line_pressure - now.remembered_pressure) + _control_flow(laws, now)
     if now.lift > 0.0:
         grown = laws.open_leakage + laws.lift_leakage * min(now.lift / part.max_lift, 1.0)
         return leak + grown * drop
     return leak + laws.root_leakage * math.sqrt(drop)
+
+
+@njit(cache=True, nogil=True)
+def _control_flow(laws: Laws, now: Moment) -> float:
+    """Out of the line by a pilot valve [m3/s]: u a = z sqrt(1 - u^2) + A_g dx/dt if its chamber has u^2 p_L."""
+    root = math.sqrt(max(now.line_pressure, 0.0) / REFERENCE)
+    out, inlet, filled = laws.control_flow * now.valve * root, laws.chamber_inlet * root, laws.guide_area * now.speed
+    if inlet <= 0.0:
+        return out
+    both = inlet * inlet + out * out
+    return float(out * (out * filled + inlet * math.sqrt(max(both - filled * filled, 0.0))) / both)
 
 
 @njit(cache=True, nogil=True)

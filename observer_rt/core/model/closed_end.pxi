@@ -23,7 +23,7 @@ cdef void move_end(
     cdef int64_t j
     if is_at_rest(x, mean) and end.area <= 0.0:
         middle = before + half * soft * line.a1 * (x[1] - line.outflow)
-        middle -= half * soft * drained(before, &line.softness, line.control_flow, line.displaced, mean)
+        middle -= half * soft * drained(before, &line.softness, &line.drain, mean)
         middle /= 1.0 + half * soft * line.leak
     else:
         middle = _solve_end(x, mean, half, half * soft, c, network, &sac)
@@ -65,7 +65,7 @@ cdef double _solve_end(
     cdef FlowSlopes flows
     cdef int64_t iteration
     memcpy(solved, x, sizeof(solved))
-    inflow -= drained(x[0], &line.softness, line.control_flow, line.displaced, u)  # explicit: the root hardly moves
+    inflow -= drained(x[0], &line.softness, &line.drain, u)  # explicit: the root hardly moves
     for iteration in range(<int64_t> MOST_ITERATIONS):
         flow_slopes(solved, &u, c, network, &flows)
         middle = 0.5 * (x[SAC] + solved[SAC])
@@ -142,22 +142,20 @@ cdef void _end_rows(
     if line_step > 0.0:
         inflow = flow - line.outflow
         net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
-        net -= drained(x[0], &line.softness, line.control_flow, line.displaced, u)
+        net -= drained(x[0], &line.softness, &line.drain, u)
         by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
         by_line = <WaveLine*> t.by_coefficient
         by_line.a1 = fill * inflow
         by_line.a2_nozzle = -fill * q_h
         by_line.a2_seat = -fill * q_s
         by_line.leak = -fill * p
-        by_line.displaced = -fill * u.servo.speed
-        by_line.control_flow = 0.0
+        drain_slopes(&by_line.drain, -fill, x[0], &line.softness, u)
         if u.servo.opening != 0.0:
-            by_line.control_flow = -fill * u.servo.opening * control_root(x[0], &line.softness)
-            add_valve(line_row, -fill, x[0], &line.softness, line.control_flow, u, &t.theta)
+            add_valve(line_row, -fill, x[0], &line.softness, &line.drain, u, &t.theta)
         by_line.softness.air = line_step * by_air * net
         by_line.softness.stiffness_slope = line_step * by_slope * net
         add_coefficients(t, t.moved, 0, 1)  # its first row is that of the line
-        soften = line_step * by_pressure * net - fill * drained_slope(x[0], &line.softness, line.control_flow, u)
+        soften = line_step * by_pressure * net - fill * drained_slope(x[0], &line.softness, &line.drain, u)
         by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
         for j in range(t.m):
             line_row[j] += soften * of_line[j] + by_flow * of_flow[j]

@@ -42,7 +42,7 @@ cdef inline void lump_rates(
     line = &c.line.lump
     rate[0] = stiffness(x[0], &line.softness) * (
         line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
-        - drained(x[0], &line.softness, line.control_flow, line.displaced, u)
+        - drained(x[0], &line.softness, &line.drain, u)
     )
     rate[1] = line.a3 * (u.rail - line.loss - x[0]) - line.a4 * x[1] * fabs(x[1])
     rate[SAC] = sac_stiffness(x[SAC], &c.sac) * sac_rate(q_h, q_s, &c.sac)
@@ -60,8 +60,8 @@ cdef inline void lump_slopes(
     cdef double by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
     cdef double inflow = line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
     of_pressure, of_flow = <LumpLine*> t.by_coefficient, <LumpLine*> (t.by_coefficient + t.size)
-    inflow = inflow - drained(x[0], &line.softness, line.control_flow, line.displaced, u)
-    by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, line.control_flow, u))
+    inflow = inflow - drained(x[0], &line.softness, &line.drain, u)
+    by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, &line.drain, u))
     by_state[1] = soft * line.a1
     by_state[WIDTH], by_state[WIDTH + 1] = -line.a3, -2.0 * line.a4 * fabs(x[1])
     by_flow[0], by_flow[1] = -soft * line.a2_nozzle, -soft * line.a2_seat
@@ -69,10 +69,7 @@ cdef inline void lump_slopes(
     of_pressure.a2_nozzle = -soft * q_h
     of_pressure.a2_seat = -soft * q_s
     of_pressure.leak = -soft * x[0]
-    of_pressure.control_flow = 0.0
-    if u.servo.opening != 0.0:
-        of_pressure.control_flow = -soft * u.servo.opening * control_root(x[0], &line.softness)
-    of_pressure.displaced = -soft * u.servo.speed
+    drain_slopes(&of_pressure.drain, -soft, x[0], &line.softness, u)
     of_pressure.softness.air = by_air * inflow
     of_pressure.softness.stiffness_slope = by_slope * inflow
     of_flow.a3 = u.rail - line.loss - x[0]
@@ -138,7 +135,7 @@ cdef inline void tangent_rates(
         by_number[theta.valve[i]] = 0.0
     if u.servo.opening != 0.0:
         of_pressure = -stiffness(x[0], &c.line.lump.softness)
-        add_valve(by_number, of_pressure, x[0], &c.line.lump.softness, c.line.lump.control_flow, u, theta)
+        add_valve(by_number, of_pressure, x[0], &c.line.lump.softness, &c.line.lump.drain, u, theta)
     lump_rates(x, u, flows.q_h, flows.q_s, c, rate, n)
 
 

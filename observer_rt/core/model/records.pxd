@@ -34,6 +34,12 @@ cdef struct Softness:
     double chamber_pressure  # p_C/p_0
 
 
+cdef struct Drain:
+    double control_flow  # of the pilot valve at p_0: a1 c / Q_0
+    double displaced  # by 1 m/s of the needle: a1 A_d / Q_0
+    double refill  # of the control chamber, by 1 m/s of a needle that falls: a1 A_c / Q_0
+
+
 cdef struct LumpLine:
     double a1  # line inflow, 1/s
     double a2_nozzle  # line drained by the nozzle flow; 0 in the form that the seat flow drains
@@ -42,8 +48,7 @@ cdef struct LumpLine:
     double a4  # line friction
     double leak  # line drained by p_L - p_C, 0 for a tight injector
     Softness softness
-    double control_flow  # of the pilot valve at p_0: a1 c / Q_0
-    double displaced  # by 1 m/s of the needle: a1 A_d / Q_0
+    Drain drain
     double outflow  # of the end, by terms, in units of Q_0
     double loss  # of pressure along the line, by terms, in units of p_0
 
@@ -65,9 +70,8 @@ cdef struct WaveLine:
     Softness softness
     double cells  # n
     double joint  # where the parts meet, in cells from the rail
-    double control_flow  # as of the lump, and the following
-    double displaced
-    double outflow
+    Drain drain
+    double outflow  # as of the lump
     double loss  # likewise, spread evenly over the faces
 
 

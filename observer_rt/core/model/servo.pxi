@@ -1,17 +1,25 @@
 # A servo injector: the flow that its pilot valve takes out of the line, and the fuel that its needle displaces.
 #
-# At the closed end, c G(t) sqrt(p_L / 100 MPa) + A_d dx_N/dt beside nozzle and seat: none of it is injected. The opening
-# G (1 + h s) is that of valve.pxd, by the needle's strokes or by commands; the strokes are followed here.
+# At the closed end, c G(t) sqrt(p_L / 100 MPa) + A_d dx_N/dt beside nozzle and seat, and A_c |dx_N/dt| into its chamber
+# while the needle falls; none of it is injected. The opening G (1 + h s) is that of valve.pxd; strokes are followed here.
 
 
 cdef inline double drained(
-    double x_1, const Softness* line, double control_flow, double displaced, Inputs u
+    double x_1, const Softness* line, const Drain* drain, Inputs u
 ) noexcept nogil:
     """Outflow of the line beside nozzle and seat, as a rate of pressure [1/s] in an incompressible one."""
-    cdef double total = displaced * u.servo.speed
-    if control_flow != 0.0 and u.servo.opening != 0.0:
-        total += control_flow * u.servo.opening * control_root(x_1, line)
+    cdef double total = drain.displaced * u.servo.speed
+    if u.servo.speed < 0.0:
+        total -= drain.refill * u.servo.speed
+    if drain.control_flow != 0.0 and u.servo.opening != 0.0:
+        total += drain.control_flow * u.servo.opening * control_root(x_1, line)
     return total
+
+
+cdef inline void drain_slopes(Drain* by, double factor, double x_1, const Softness* line, Inputs u) noexcept nogil:
+    """Derivatives of `drained` by its coefficients, times a factor."""
+    by.displaced, by.refill = factor * u.servo.speed, factor * max(-u.servo.speed, 0.0)
+    by.control_flow = factor * u.servo.opening * control_root(x_1, line) if u.servo.opening != 0.0 else 0.0
 
 
 cdef inline double control_root(double x_1, const Softness* line) noexcept nogil:
@@ -19,18 +27,18 @@ cdef inline double control_root(double x_1, const Softness* line) noexcept nogil
     return sqrt(max(x_1 + line.chamber_pressure, LOWEST_PRESSURE))
 
 
-cdef inline double drained_slope(double x_1, const Softness* line, double control_flow, Inputs u) noexcept nogil:
+cdef inline double drained_slope(double x_1, const Softness* line, const Drain* drain, Inputs u) noexcept nogil:
     """Derivative of `drained` with respect to x_1."""
-    if control_flow == 0.0 or u.servo.opening == 0.0 or x_1 + line.chamber_pressure <= LOWEST_PRESSURE:
+    if drain.control_flow == 0.0 or u.servo.opening == 0.0 or x_1 + line.chamber_pressure <= LOWEST_PRESSURE:
         return 0.0
-    return 0.5 * control_flow * u.servo.opening / control_root(x_1, line)
+    return 0.5 * drain.control_flow * u.servo.opening / control_root(x_1, line)
 
 
 cdef inline void add_valve(
-    double* row, double factor, double x_1, const Softness* line, double control_flow, Inputs u, const ByTheta* theta
+    double* row, double factor, double x_1, const Softness* line, const Drain* drain, Inputs u, const ByTheta* theta
 ) noexcept nogil:
     """Add to a row the derivatives of `drained` by the numbers of the valve, times a factor."""
-    cdef double flow = factor * control_flow * control_root(x_1, line) if control_flow != 0.0 else 0.0
+    cdef double flow = factor * drain.control_flow * control_root(x_1, line) if drain.control_flow != 0.0 else 0.0
     cdef int64_t number
     for number in range(<int64_t> VALVE_NUMBERS):
         row[theta.valve[number]] += flow * theta.valve_sizes[number] * u.servo.by_number[number]

@@ -61,9 +61,6 @@ cdef inline Inputs _inputs_at(
     """Inputs at a time [s] in or before the stroke; valve_lift: by which the valve knows the needle at its stop."""
     cdef Inputs u = inputs_of(rail, normalised_area(lift, &s.coefficients.seat))
     cdef double at_stop = valve_lift - (s.stroke.top - s.stroke.opening) * s.stroke.opening_speed + LIFT_OFF
-    line = &s.coefficients.line
-    if (line.wave.control_flow if s.coefficients.cells > 0 else line.lump.control_flow) == 0.0:
-        return u
     _open_valve(&u, time, &s.stroke, s.coefficients)
     _open_valve(&u, time, &s.following, s.coefficients)  # it may open for that already
     if u.servo.opening > 0.0 and s.stroke.closing - s.stroke.top > STAYS_AT_STOP:

@@ -218,7 +218,7 @@ class ObserverRun:
         self._nominal = NominalModel(core.compiled.observer.constants)
         self._samples = HistorySamples()
         self._seen = 0  # samples of the core
-        self._commands, self._command_start, self._is_energized = 0, 0, False  # start: index of its first sample
+        self._is_energized, self._energized_from = False, 0  # index of the last command's first sample
 
     def observe(self, source: SignalStream, sink: Evaluation) -> None:
         """Observe the frames of a log as they are, or a recording in frames of a measuring device.
@@ -263,16 +263,17 @@ class ObserverRun:
 
     def _energize(self, first_index: int, level: Bools) -> int:
         """Tell the observer the commands in samples (n,) of a level, which no frame carries; how many began."""
-        observer, before = self._core.compiled.observer, self._commands
+        observer = self._core.compiled.observer
+        count = observer.memory["commands"]["count"]  # (1,), of all so far
+        before = int(count[0])
         for row in np.flatnonzero(np.diff(level, prepend=self._is_energized)).tolist():
             if level[row]:
-                self._commands, self._command_start = self._commands + 1, first_index + row
-                energize(observer, self._commands - 1, self._command_start)
+                self._energized_from = first_index + row
+                energize(observer, int(count[0]), self._energized_from)
             else:
-                length = first_index + row - self._command_start
-                energize(observer, self._commands - 1, self._command_start, length)
+                energize(observer, int(count[0]) - 1, self._energized_from, first_index + row - self._energized_from)
         self._is_energized = bool(level[-1])
-        return self._commands - before
+        return int(count[0]) - before
 
     def finish(self) -> None:
         """Judge every event: no recording will come."""

@@ -117,16 +117,16 @@ INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 2
 STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 0.1, 20.0, 10.5, 1.0, 1.0)
 """Free where the fuel stiffens, with K_0 as `STIFFNESS`. Never left to the file: its prior is that of usual fuels."""
 _TIME = 1e-4  # s
-CONTROL_FLOW = FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS)
 CONTROL = (
-    CONTROL_FLOW,
+    FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 1.5e-4, 0.0, 4.0, MM3_PER_MS),
     FreeParameter("t_on", "line", "control_start", "us", MICROSECOND, -0.2e-3, 0.8e-3, CONTROL_START, 0.8, _TIME),
     FreeParameter("t_off", "line", "control_end", "us", MICROSECOND, -0.4e-3, 0.8e-3, CONTROL_END, 0.8, _TIME),
     FreeParameter("h", "line", "control_hold", "-", 1.0, -1.0, 1.0, 0.0, 0.3, 1.0),
     FreeParameter("n", "line", "control_exponent", "-", 1.0, -2.0, 2.0, 0.0, 0.4, 1.0),
+    FreeParameter("A_c", "line", "control_refill", "mm2", 1e-6, -1e-5, 1e-4, 0.0, 4.0, 1e-6),
 )
 """Of the pilot valve of a servo injector."""
-DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -6e-6, 6e-6, 0.0, 1.5, 1e-6)
+DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -1e-5, 1e-4, 0.0, 4.0, 1e-6)
 NEEDLE = (
     FreeParameter("t_o", "needle", "opening_delay", "us", MICROSECOND, 10e-6, 5e-3, 0.3e-3, 0.3),
     FreeParameter("v_o", "needle", "opening_speed", "m/s", 1.0, 0.05, 10.0, 0.8, 0.2),

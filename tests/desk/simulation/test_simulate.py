@@ -76,6 +76,18 @@ def test_a_needle_at_its_stop_changes_the_flow_of_the_pilot_valve() -> None:
     assert drained == pytest.approx(2.4e-6, rel=0.01)
 
 
+def test_a_falling_needle_has_its_control_chamber_refilled_from_the_line() -> None:
+    """By its area times its lift, which is not injected; what it displaces as it rises comes back."""
+
+    def drained(**areas: float) -> float:
+        injector = NOMINAL.model_copy(update={"line": NOMINAL.line.model_copy(update=areas)})
+        truth = simulate(injector, make_schedule([100e6], 1, 0.05, [1e-3]), 100e3).truth
+        return float((truth.line_flow - truth.injection_rate).sum() / 100e3)
+
+    refilled = drained(displacement=3e-6, control_refill=5e-6) - drained()
+    assert refilled == pytest.approx(5e-6 * NOMINAL.seat.max_lift, rel=0.03)
+
+
 def test_rest_stays_at_rest() -> None:
     truth = run()
     before = truth.time < 0.15

@@ -1,6 +1,7 @@
 """Colour of the noise at rest: found where the noise is coloured and only there, whitened, and forgotten again."""
 
 import math
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -15,12 +16,13 @@ REST = 700  # samples of an event at 100 kHz
 SIGMA = 0.154  # MPa, of white innovations
 
 
+def rested(events: list[NDArray[np.float64]], interval: float = INTERVAL) -> RestingNoise:
+    """The noise after events with one stretch of rest each."""
+    return reduce(lambda noise, values: noise.after([values], interval), events, RestingNoise())
+
+
 def found_in(events: list[NDArray[np.float64]], interval: float = INTERVAL) -> Colour | None:
-    """The colour after events with one stretch of rest each."""
-    noise = RestingNoise()
-    for values in events:
-        noise = noise.after([values], interval)
-    return noise.colour(None, interval)
+    return rested(events, interval).colour(None, interval)
 
 
 def white(seed: int, events: int = 8, samples: int = REST) -> list[NDArray[np.float64]]:
@@ -86,9 +88,7 @@ def test_white_noise_of_another_level_has_none() -> None:
 
 
 def test_noise_below_the_expected_level_has_no_colour() -> None:
-    noise = RestingNoise()
-    for values in first_order(white(3), 0.83):
-        noise = noise.after([values], INTERVAL)
+    noise = rested(first_order(white(3), 0.83))
     loudness = 1.0 / math.sqrt(1.0 - 0.83**2)
     assert noise.colour(None, INTERVAL, expected=loudness) is not None
     assert noise.colour(None, INTERVAL, expected=2.0 * loudness) is None
@@ -124,20 +124,15 @@ def test_a_tone_is_found() -> None:
 
 
 def test_a_hum_that_has_ended_is_forgotten() -> None:
-    noise = RestingNoise()
-    for values in with_hum(white(6), 50.0, INTERVAL):
-        noise = noise.after([values], INTERVAL)
-    before = noise.colour(None, INTERVAL)
+    hum = with_hum(white(6), 50.0, INTERVAL)
+    before = found_in(hum)
     assert before is not None
-    for values in white(7, events=40):
-        noise = noise.after([values], INTERVAL)
-    assert noise.colour(before, INTERVAL) is None
+    assert rested(hum + white(7, events=40)).colour(before, INTERVAL) is None
 
 
 def test_without_rest_the_colour_stays() -> None:
     before = found_in(with_hum(white(8), 50.0, INTERVAL))
-    noise = RestingNoise()
-    assert noise.after([], INTERVAL).colour(before, INTERVAL) is before
+    assert RestingNoise().after([], INTERVAL).colour(before, INTERVAL) is before
 
 
 def test_segments_are_long_enough_and_late_enough() -> None:

@@ -19,8 +19,8 @@ SHAPE = HealthyShape(
     closing_slope=(0.0,) * KNOTS.size,
 )
 NEEDLE = NEEDLE_LAW.columns
-STROKE = NEEDLE[:4]
-MOVED = 0.2, 0.1, -0.3, -0.1
+MOVED = np.zeros(PARAMETERS)
+MOVED[NEEDLE[:4]] = 0.2, 0.1, -0.3, -0.1
 SHOTS = {"stop": [(80.0, 190.0)], "ballistic": [(80.0, 120.0), (230.0, 245.0)], "none": [(80.0, 81.0)]}
 
 
@@ -32,12 +32,6 @@ def stretch(rail_pressure: float, opens: float, shuts: float) -> EventStretch:
 def commanded_window(case: Case, shots: str) -> Window:
     window = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
     return window._replace(needle=load_injector().needle_law, commands=np.array(SHOTS[shots]))
-
-
-def moved_needle() -> Array:
-    theta = np.zeros(PARAMETERS)
-    theta[STROKE] = MOVED
-    return theta
 
 
 def test_the_courses_of_all_openings_add_up() -> None:
@@ -55,7 +49,7 @@ def test_nothing_is_expected_long_before_and_after() -> None:
 
 def test_a_needle_by_commands_has_the_course_of_its_lift(case: Case) -> None:
     """Up to what rounded corners move an edge."""
-    window, learned = commanded_window(case, "stop"), learned_of(moved_needle(), case.c)
+    window, learned = commanded_window(case, "stop"), learned_of(MOVED, case.c)
     lifted = window.as_learned(learned, case.setting)._replace(needle=None)
     by_lift = expected_in(SHAPE, lifted, case.c, case.setting.interval)
     by_needle = needle_course(SHAPE, window, learned, case.setting).expected
@@ -64,24 +58,24 @@ def test_a_needle_by_commands_has_the_course_of_its_lift(case: Case) -> None:
 
 
 def test_a_needle_that_does_not_lift_has_none(case: Case) -> None:
-    course = needle_course(SHAPE, commanded_window(case, "none"), learned_of(moved_needle(), case.c), case.setting)
+    course = needle_course(SHAPE, commanded_window(case, "none"), learned_of(MOVED, case.c), case.setting)
     assert not any(part.any() for part in course)
 
 
 @pytest.mark.parametrize("shots", ["stop", "ballistic"])
 def test_slopes_are_the_derivatives_by_needle_and_shots(case: Case, shots: str) -> None:
     """Nearly, for the course has corners."""
-    window, theta, step = commanded_window(case, shots), moved_needle(), 0.005
+    window, step = commanded_window(case, shots), 0.005
 
     def course(needle: Array) -> Array:
-        moved = theta.copy()
+        moved = MOVED.copy()
         moved[NEEDLE] = needle
         return needle_course(SHAPE, window, learned_of(moved, case.c), case.setting).expected
 
     def late(delays: Array) -> Array:
         shifted = window.with_jitter(delays * NEEDLE_LAW.sizes[0], case.setting.interval)
-        return needle_course(SHAPE, shifted, learned_of(theta, case.c), case.setting).expected
+        return needle_course(SHAPE, shifted, learned_of(MOVED, case.c), case.setting).expected
 
-    here = needle_course(SHAPE, window, learned_of(theta, case.c), case.setting)
-    assert_columns_agree(here.by_numbers, differences(course, theta[NEEDLE], step), 0.2)
+    here = needle_course(SHAPE, window, learned_of(MOVED, case.c), case.setting)
+    assert_columns_agree(here.by_numbers, differences(course, MOVED[NEEDLE], step), 0.2)
     assert_columns_agree(here.by_shots, differences(late, np.zeros(window.shot_columns), step), 0.2)

@@ -1,15 +1,14 @@
 """The observer on recordings of an independent plant whose pressure sensors drift, or differ in their gains."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from observer_rt.engine.stream.state import Reason
-from tests.engine.learning.worn_injector import in_turn
+from tests.engine.plant_runs import worn_bench
 from tests.observed_plants import ObservedRun, bench_at, observed
-from tests.plants.plant import LINE, RAIL, Step
+from tests.plants.plant import LINE, RAIL, Step, seen_as
 
 EVENTS = 12
 SEED = 12
@@ -17,15 +16,15 @@ LEARNED = 2  # events, after which a gain is known
 
 
 def drift(role: str, size: float) -> Step:
-    return lambda m: replace(m, **{role: getattr(m, role) + size * np.sin(2.0 * math.pi * 0.4 * m.time)})
+    return seen_as(role, lambda time, values: values + size * np.sin(2.0 * math.pi * 0.4 * time))
 
 
 def gain(role: str, share: float) -> Step:
-    return lambda m: replace(m, **{role: (1.0 + share) * getattr(m, role)})
+    return seen_as(role, lambda _, values: (1.0 + share) * values)
 
 
 def seen(disturbance: Step, accuracy_percent: float = 0.7) -> ObservedRun:
-    bench = in_turn(EVENTS, SEED, disturbance)
+    bench = worn_bench(EVENTS, SEED, disturbance)
     return observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))
 
 

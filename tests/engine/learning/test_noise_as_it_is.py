@@ -7,16 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import butter, lfilter, sosfilt
 
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.stream.state import State
-from tests.engine.learning.worn_injector import in_turn
+from tests.engine.plant_runs import worn_bench
 from tests.observed_plants import ObservedRun, bench_at, observed, recording_of
+from tests.plants.filters import butterworth, coloured_noise, filtered
 from tests.plants.plant import FIRST_EVENT, LINE, PERIOD, RAIL, SIGNALS, Step, record, seen_as
 
 EVENTS = 9
+INTERVAL = 1e-5  # s
 SEED = 11
 KNOWN_AFTER = 4  # events
 ALL_VALID = [True] * (EVENTS - KNOWN_AFTER)
@@ -28,9 +29,7 @@ def hum(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def coloured(time: NDArray[np.float64]) -> NDArray[np.float64]:
-    pole = math.exp(-2.0 * math.pi * 3e3 * float(time[1] - time[0]))
-    drive = np.random.default_rng(3).normal(size=time.size)
-    return 0.2e6 * math.sqrt(1.0 - pole**2) * np.asarray(lfilter([1.0], [1.0, -pole], drive), np.float64)
+    return coloured_noise(np.random.default_rng(3).normal(0.0, 0.2e6, time.size), INTERVAL, 3e3)
 
 
 def added(noise: Noise, role: str = LINE) -> Step:
@@ -38,7 +37,7 @@ def added(noise: Noise, role: str = LINE) -> Step:
 
 
 def seen(*steps: Step) -> ObservedRun:
-    return observed(in_turn(EVENTS, SEED, *steps))
+    return observed(worn_bench(EVENTS, SEED, *steps))
 
 
 @pytest.mark.parametrize("disturbance", [hum, coloured])
@@ -71,7 +70,7 @@ def test_hum_does_not_hide_a_line_pressure_that_went_elsewhere() -> None:
 
 
 def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
-    humming = recording_of(record(in_turn(EVENTS, SEED, added(hum))))
+    humming = recording_of(record(worn_bench(EVENTS, SEED, added(hum))))
     learned = evaluate(bench_at(100e3), [humming]).knowledge
     assert learned.state.learned.colour is not None
     white = replace(learned, state=learned.state.map(lambda each: replace(each, colour=None)))
@@ -99,11 +98,6 @@ def test_a_noise_that_grows_costs_two_events(after: float) -> None:
 
 def test_all_channels_through_an_anti_alias_filter() -> None:
     """Neighbours differ little then: by their differences the noise is a tenth of what it is."""
-
-    def filtered(_: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-        first = float(np.mean(values[:1000]))
-        passed = sosfilt(butter(2, 10e3, fs=100e3, output="sos"), values - first)
-        return first + np.asarray(passed, np.float64)
-
-    run = seen(*(seen_as(role, filtered) for role in SIGNALS))
+    slow = butterworth(2, 10e3)
+    run = seen(*(seen_as(role, lambda _, values: filtered(values, INTERVAL, slow)) for role in SIGNALS))
     assert run.valid[KNOWN_AFTER:] == ALL_VALID

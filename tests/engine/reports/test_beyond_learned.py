@@ -13,7 +13,7 @@ from observer_rt.engine.learning.mass import NEAR, VolumeBudget
 from observer_rt.engine.reports.news import MeasuredMass
 from observer_rt.engine.stream.state import Reason
 from tests.daemon.samples import PRESSURE_SCALE, some_report
-from tests.engine.learning.worn_injector import worn_bench
+from tests.engine.plant_runs import worn_bench
 from tests.observed_plants import observed
 from tests.plants.laws import NO_LAWS, Laws
 
@@ -64,13 +64,13 @@ def test_a_measured_mass_stands_beside_the_estimate() -> None:
 
 @pytest.mark.parametrize(("laws", "is_said"), [(Laws(rail_and_time=0.1), True), (NO_LAWS, False)])
 def test_a_law_that_no_event_teaches_is_one_for_discover(laws: Laws, is_said: bool) -> None:
-    bench = worn_bench((60e6, 100e6, 140e6) * 6, ((0.6e-3,) * 3 + (1.9e-3,) * 3) * 3, 5)
+    bench = worn_bench(18, 5, durations=(0.6e-3,) * 3 + (1.9e-3,) * 3)
     said = ["run discover" in each.remainder_text for each in observed(replace(bench, laws=laws)).reports]
     assert (any(said[:6]), any(said[6:])) == (False, is_said)
 
 
 def test_it_is_known_on_both_sides_of_the_rail_pressure_learned_at() -> None:
-    report = observed(worn_bench((50e6,) * 4, (1.4e-3,) * 4, 3)).reports[-1]
+    report = observed(worn_bench(4, 3, rails=(50e6,))).reports[-1]
     assert abs(report.remainder) < 0.02
     below, above = 50e6 - np.array(report.known_rails)
     assert -(NEAR + RAIL_BIN) * PRESSURE_SCALE < above < 0.0 < below < (NEAR + RAIL_BIN) * PRESSURE_SCALE

@@ -37,6 +37,17 @@ def test_its_control_flow_is_found(flow: float) -> None:
     assert "line.displacement" not in done.sizes
 
 
+def test_a_chamber_that_the_falling_needle_refills_does_not_change_the_level() -> None:
+    """What the needle displaces as it rises leaves by the valve; what it leaves as it falls is filled again."""
+    laws = Laws(control_flow=13.0 * MM3_PER_MS, chamber_inlet=10.0 * MM3_PER_MS, guide_area=7e-6)
+    done = fitted(laws, POINTS)
+    assert done.inadequate == ()
+    assert done.injector.nozzle.flow_coefficient == pytest.approx(0.78, rel=3e-3)  # 1.6 % more without a refill
+    refill, displacement = done.sizes["line.control_refill"], done.sizes["line.displacement"]
+    assert refill.ci95[0] > 2.0
+    assert displacement.value == pytest.approx(refill.value, abs=0.5)
+
+
 def test_of_an_injector_without_any_nothing_is_said() -> None:
     done = fitted(Laws())
     assert done.inadequate == ()

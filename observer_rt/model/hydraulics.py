@@ -1,7 +1,7 @@
 """Hydraulics of the injector, (21)-(23): coefficients of pilot valve, seat, sac and nozzle, of laws in core.model.
 
 The pilot valve of a servo injector takes fuel out of the line's end: it drains the control chamber into the return,
-    c G(t) sqrt(p_L / 100 MPa),
+    G(t) (c sqrt(p_L / 100 MPa) + A_c dx/dt) of a rising needle,
 from before the needle leaves its seat to before it begins to fall: both earlier the lower the rail pressure, as
 (p_R / 100 MPa)^-n. Where the injector's command is known, it opens and shuts some time after its edges. The equations
 are `core/model/valve.pxd` and `core/model/servo.pxi`; none of that fuel is injected.
@@ -14,7 +14,7 @@ from observer_rt.core.model.laws import seat_area
 from observer_rt.model.fuel import parabola
 from observer_rt.model.parameters import Departures, InjectorParameters
 
-CONTROL_START, CONTROL_END = 0.25e-3, 0.20e-3  # s, of an injector whose file does not state them
+CONTROL_START, CONTROL_END, CONTROL_EDGE = 0.25e-3, 0.20e-3, 20e-6  # s, of an injector whose file does not state them
 COMMAND_DELAY = 0.1e-3  # s, after both edges of the injector's command
 CONTROL_REFERENCE = 100e6  # Pa, of the line and of the rail, to which flow and times belong
 TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
@@ -27,7 +27,7 @@ class Valve(model.Valve):
 
     def by_commands(self) -> "Valve":
         """The valve where the injector's commands are known: it opens and shuts `COMMAND_DELAY` after their edges."""
-        return Valve(-COMMAND_DELAY, -COMMAND_DELAY, self.hold, exponent=0.0, commanded=1.0)
+        return Valve(-COMMAND_DELAY, -COMMAND_DELAY, self.hold, exponent=0.0, edge=self.edge, commanded=1.0)
 
 
 def valve_of(parameters: InjectorParameters) -> Valve:
@@ -35,12 +35,8 @@ def valve_of(parameters: InjectorParameters) -> Valve:
     line = parameters.line
     start = CONTROL_START if line.control_start is None else line.control_start
     end = CONTROL_END if line.control_end is None else line.control_end
-    return Valve(start, end, line.control_hold or 0.0, line.control_exponent or 0.0, commanded=0.0)
-
-
-def control_flow_at_scale(parameters: InjectorParameters) -> float:
-    """c at the pressure scale p_0 [m3/s]."""
-    return (parameters.line.control_flow or 0.0) * math.sqrt(parameters.scaling.pressure / CONTROL_REFERENCE)
+    edge = line.control_edge or CONTROL_EDGE
+    return Valve(start, end, line.control_hold or 0.0, line.control_exponent or 0.0, edge, commanded=0.0)
 
 
 def jet_velocity(parameters: InjectorParameters) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from observer_rt.core.model import model
 from observer_rt.foundation.units import Floats
 from observer_rt.model.fuel import USUAL_PRESSURE, parabola
-from observer_rt.model.hydraulics import control_flow_at_scale
+from observer_rt.model.hydraulics import CONTROL_REFERENCE
 from observer_rt.model.parameters import Departures, InjectorParameters
 
 
@@ -29,7 +29,7 @@ def at_closed_end(
     scale, chamber, fuel = parameters.scaling, parameters.chamber.pressure, parameters.fluid.in_line
     modulus = fuel.stiffness(USUAL_PRESSURE)
     _, slope, bend = parabola(fuel.filling, USUAL_PRESSURE, scale.pressure)
-    drained_by_nozzle = parameters.line_outflow == "nozzle"
+    drained_by_nozzle, line = parameters.line_outflow == "nozzle", parameters.line
     return {
         "a1": stiffness * scale.flow,
         "a2_nozzle": stiffness * nozzle_flow if drained_by_nozzle else 0.0,
@@ -40,9 +40,9 @@ def at_closed_end(
         "stiffness_bend": bend,
         "stiffness_pressure": (USUAL_PRESSURE - chamber) / scale.pressure,
         "chamber_pressure": chamber / scale.pressure,
-        "control_flow": stiffness * control_flow_at_scale(parameters),
-        "displaced": stiffness * (parameters.line.displacement or 0.0),
-        "refill": stiffness * (parameters.line.control_refill or 0.0),
+        "control_flow": stiffness * ((line.control_flow or 0.0) * math.sqrt(scale.pressure / CONTROL_REFERENCE)),
+        "displaced": stiffness * (line.displacement or 0.0),
+        "expelled": stiffness * (line.control_displacement or 0.0),
         "outflow": 0.0,  # terms alone set this and the next
         "loss": 0.0,
     }
@@ -57,7 +57,7 @@ class LumpLine(model.LumpLine):
     __slots__ = ()
     kind = model.LUMP  # number by which `core/model/interval.pxi` chooses the steps
     further = 0  # states beyond p_L and Q_L
-    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "control_flow", "displaced", "refill")  # go with K_L
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "control_flow", "displaced", "expelled")  # go with K_L
     of_inertance = ("a3", "a4")  # in inverse proportion to the inertance
     averaged = False  # its last state is the integral of p_L [s], see `begin_mean`
     resolved = 0.0  # s, below which waves are not those of a pipe; 0: there are no waves

@@ -94,7 +94,8 @@ class LineParameters(Section):
     control_hold: Annotated[float, Field(ge=-1, le=1)] | None = None  # h, while the needle is at its stop
     # n, of both times by the rail pressure
     control_exponent: Annotated[float, Field(ge=-2, le=2)] | None = None
-    control_refill: Annotated[Area | None, UnitName("m2")] = None  # A_c, of the needle in its chamber, as it falls
+    control_edge: Annotated[Annotated[float, Field(ge=1e-6, le=1e-3)] | None, UnitName("s")] = None  # half width
+    control_displacement: Annotated[Area | None, UnitName("m2")] = None  # A_c, of the needle's end in its chamber
     displacement: Annotated[Area | None, UnitName("m2")] = None  # A_d, of the needle at the line's end
 
     @property

@@ -60,7 +60,7 @@ class WaveLine(model.WaveLine):
     kind = model.WAVE
     averaged = False
     resolved = RESOLVED
-    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak", "control_flow", "displaced", "refill")
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak", "control_flow", "displaced", "expelled")
     of_inertance = ("a3", "a3_near", "a4", "a4_inlet")
 
     @property

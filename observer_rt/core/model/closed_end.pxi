@@ -150,8 +150,7 @@ cdef void _end_rows(
         by_line.a2_seat = -fill * q_s
         by_line.leak = -fill * p
         drain_slopes(&by_line.drain, -fill, x[0], &line.softness, u)
-        if u.servo.opening != 0.0:
-            add_valve(line_row, -fill, x[0], &line.softness, &line.drain, u, &t.theta)
+        add_valve(line_row, -fill, x[0], &line.softness, &line.drain, u, &t.theta)
         by_line.softness.air = line_step * by_air * net
         by_line.softness.stiffness_slope = line_step * by_slope * net
         add_coefficients(t, t.moved, 0, 1)  # its first row is that of the line

@@ -37,7 +37,7 @@ cdef struct Softness:
 cdef struct Drain:
     double control_flow  # of the pilot valve at p_0: a1 c / Q_0
     double displaced  # by 1 m/s of the needle: a1 A_d / Q_0
-    double refill  # of the control chamber, by 1 m/s of a needle that falls: a1 A_c / Q_0
+    double expelled  # through the open pilot valve, by 1 m/s of a needle that rises: a1 A_c / Q_0
 
 
 cdef struct LumpLine:

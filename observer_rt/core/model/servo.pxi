@@ -1,7 +1,7 @@
 # A servo injector: the flow that its pilot valve takes out of the line, and the fuel that its needle displaces.
 #
-# At the closed end, c G(t) sqrt(p_L / 100 MPa) + A_d dx_N/dt beside nozzle and seat, and A_c |dx_N/dt| into its chamber
-# while the needle falls; none of it is injected. The opening G (1 + h s) is that of valve.pxd; strokes are followed here.
+# At the closed end, G(t) (c sqrt(p_L / 100 MPa) + A_c dx_N/dt) + A_d dx_N/dt beside nozzle and seat, A_c for a needle that
+# rises; none of it is injected. The opening G (1 + h s) is that of valve.pxd; strokes are followed here.
 
 
 cdef inline double drained(
@@ -9,16 +9,15 @@ cdef inline double drained(
 ) noexcept nogil:
     """Outflow of the line beside nozzle and seat, as a rate of pressure [1/s] in an incompressible one."""
     cdef double total = drain.displaced * u.servo.speed
-    if u.servo.speed < 0.0:
-        total -= drain.refill * u.servo.speed
     if drain.control_flow != 0.0 and u.servo.opening != 0.0:
         total += drain.control_flow * u.servo.opening * control_root(x_1, line)
+        total += drain.expelled * u.servo.opening * max(u.servo.speed, 0.0)
     return total
 
 
 cdef inline void drain_slopes(Drain* by, double factor, double x_1, const Softness* line, Inputs u) noexcept nogil:
     """Derivatives of `drained` by its coefficients, times a factor."""
-    by.displaced, by.refill = factor * u.servo.speed, factor * max(-u.servo.speed, 0.0)
+    by.displaced, by.expelled = factor * u.servo.speed, factor * u.servo.opening * max(u.servo.speed, 0.0)
     by.control_flow = factor * u.servo.opening * control_root(x_1, line) if u.servo.opening != 0.0 else 0.0
 
 
@@ -38,8 +37,10 @@ cdef inline void add_valve(
     double* row, double factor, double x_1, const Softness* line, const Drain* drain, Inputs u, const ByTheta* theta
 ) noexcept nogil:
     """Add to a row the derivatives of `drained` by the numbers of the valve, times a factor."""
-    cdef double flow = factor * drain.control_flow * control_root(x_1, line) if drain.control_flow != 0.0 else 0.0
+    cdef double flow = 0.0
     cdef int64_t number
+    if drain.control_flow != 0.0:
+        flow = factor * drain.control_flow * control_root(x_1, line) + factor * drain.expelled * max(u.servo.speed, 0.0)
     for number in range(<int64_t> VALVE_NUMBERS):
         row[theta.valve[number]] += flow * theta.valve_sizes[number] * u.servo.by_number[number]
 
@@ -135,7 +136,7 @@ cdef double valve_at(
     double interval
 ) noexcept nogil:
     """Opening of the valve at a sample, by the last two strokes or commands as known so far."""
-    cdef double edge = valve_edge(interval)
+    cdef double edge = valve_edge(valve, interval)
     cdef Servo servo
     memset(&servo, 0, sizeof(Servo))
     join_valve(&servo, position, before, valve, interval, edge)
@@ -153,7 +154,7 @@ cdef servos_over(
     commands (k, 2): as of `Window`, by which the valve goes where it does.
     """
     cdef double[:, ::1] result = zeros((samples, 2 + VALVE_NUMBERS))
-    cdef double edge = valve_edge(interval), first, last
+    cdef double edge = valve_edge(&c.valve, interval), first, last
     cdef Strokes s
     cdef Stroke stroke
     cdef Servo* servo

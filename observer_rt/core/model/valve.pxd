@@ -10,14 +10,12 @@ cdef enum:
 
 cdef extern from *:
     """
-    #define VALVE_EDGE 20e-6
     #define LEAST_EDGE 0.6
     #define VALVE_TAIL 6.0
     #define LIFT_OFF 15e-6
     #define STOP_EDGE 0.3
     #define STAYS_AT_STOP 0.14e-3
     """
-    const double VALVE_EDGE  # s, half width of its opening and its shutting
     const double LEAST_EDGE  # samples: shorter ones would alias
     const double VALVE_TAIL  # half widths from its middle, beyond which an edge has begun or is over
     const double LIFT_OFF  # m, of a needle that has left its seat, or, below it, its highest lift
@@ -30,6 +28,7 @@ cdef struct Valve:
     double end  # s before it begins to fall
     double hold  # share by which the flow is larger while the needle is at its stop
     double exponent  # of both times with one over the rail pressure
+    double edge  # s, half width of its opening and its shutting
     double commanded  # 1: start and end count back from those of the command, whatever the rail pressure; else 0
 
 
@@ -62,9 +61,9 @@ cdef struct Strokes:
     double stop_edge  # area
 
 
-cdef inline double valve_edge(double interval) noexcept nogil:
+cdef inline double valve_edge(const Valve* valve, double interval) noexcept nogil:
     """Half width [samples] of the valve's opening and shutting."""
-    return max(VALVE_EDGE / interval, LEAST_EDGE)
+    return max(valve.edge / interval, LEAST_EDGE)
 
 
 cdef inline double valve_begins(const Stroke* stroke, const Valve* valve, double interval) noexcept nogil:

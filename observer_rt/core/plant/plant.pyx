@@ -11,7 +11,7 @@ from observer_rt.core.model.needle cimport CORNER_ROUNDING, NeedleStroke, lands,
 from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of
 from observer_rt.core.model.sensor cimport lagged
 from observer_rt.core.model.valve cimport (
-    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_EDGE, Stroke, hold_valve, join_valve
+    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, Stroke, hold_valve, join_valve
 )
 
 cdef double BOUNCE_TIME = 60e-6  # s, from landing on
@@ -75,7 +75,7 @@ cdef inline void _open_valve(Inputs* u, double time, const NeedleStroke* s, cons
         return
     lifted.lifts, lifted.falls = s.opening + LIFT_OFF / s.opening_speed, s.closing + LIFT_OFF / s.closing_speed
     lifted.pressure = above_100_mpa(u.rail, c)
-    join_valve(&u.servo, time, &lifted, &c.valve, 1.0, VALVE_EDGE)
+    join_valve(&u.servo, time, &lifted, &c.valve, 1.0, c.valve.edge)
 
 
 cdef void _force(Simulation* s, const double* x, Inputs start, Inputs end, double length, double area) noexcept nogil:

@@ -188,7 +188,7 @@ cdef bint _follow_commands(Stepping* s, int64_t position) noexcept nogil:
         s.command = stroke
     while s.commands < commands.count:
         stroke = _command(s, s.commands, position)
-        if stroke.lifts > position + VALVE_TAIL * valve_edge(s.interval):
+        if stroke.lifts > position + VALVE_TAIL * valve_edge(&s.observer.memory.in_force.valve, s.interval):
             break
         s.strokes.edge = min(s.strokes.edge, stroke.lifts) if is_shown else stroke.lifts
         is_shown, s.commands = True, s.commands + 1
@@ -225,7 +225,8 @@ cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
     valve, ring = &s.observer.memory.in_force.valve, s.observer.ring
     pressure = s.strokes.last.pressure if valve.commanded == 0.0 else 1.0
     before = max(valve.start, valve.end) * pow(pressure, -valve.exponent) / s.interval
-    for k in range(max(earliest, <int64_t> (s.strokes.edge - before - VALVE_TAIL * valve_edge(s.interval))), position):
+    before += VALVE_TAIL * valve_edge(valve, s.interval)
+    for k in range(max(earliest, <int64_t> (s.strokes.edge - before)), position):
         row = &ring[k & MASK]
         row.valve = _valve_at(s, k)
         shown = _predict_sample(s, k, NULL)

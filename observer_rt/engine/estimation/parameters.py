@@ -454,7 +454,7 @@ def _by_columns(line: Any, values: tuple[float, ...], wanted: bytes, shots: int)
 @_cached
 def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
     theta = np.frombuffer(content)
-    valve = Valve(*(np.array(c.valve) + np.append(VALVE_LAW.of(theta), 0.0)).tolist())
+    valve = Valve(*(np.array(c.valve) + np.append(VALVE_LAW.of(theta), (0.0, 0.0))).tolist())
     changed = c._replace(line=_changed(line, SCALARS.of_line(theta)), valve=valve)
     return LearnedModel(
         network_of(theta),

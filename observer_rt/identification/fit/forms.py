@@ -13,7 +13,7 @@ from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.model.hydraulics import CONTROL_END, CONTROL_START
+from observer_rt.model.hydraulics import CONTROL_EDGE, CONTROL_END, CONTROL_START
 from observer_rt.model.parameters import FEWEST_CELLS, EffectInForce, EffectValue, InjectorParameters, LineOutflow
 from observer_rt.model.wave_line import DAMPING, cells_for
 
@@ -123,7 +123,8 @@ CONTROL = (
     FreeParameter("t_off", "line", "control_end", "us", MICROSECOND, -0.4e-3, 0.8e-3, CONTROL_END, 0.8, _TIME),
     FreeParameter("h", "line", "control_hold", "-", 1.0, -1.0, 1.0, 0.0, 0.3, 1.0),
     FreeParameter("n", "line", "control_exponent", "-", 1.0, -2.0, 2.0, 0.0, 0.4, 1.0),
-    FreeParameter("A_c", "line", "control_refill", "mm2", 1e-6, -1e-5, 1e-4, 0.0, 4.0, 1e-6),
+    FreeParameter("w", "line", "control_edge", "us", MICROSECOND, 5e-6, 0.4e-3, CONTROL_EDGE, 1.0),
+    FreeParameter("A_c", "line", "control_displacement", "mm2", 1e-6, -1e-5, 1e-4, 0.0, 4.0, 1e-6),
 )
 """Of the pilot valve of a servo injector."""
 DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -1e-5, 1e-4, 0.0, 4.0, 1e-6)

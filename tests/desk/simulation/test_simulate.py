@@ -76,16 +76,17 @@ def test_a_needle_at_its_stop_changes_the_flow_of_the_pilot_valve() -> None:
     assert drained == pytest.approx(2.4e-6, rel=0.01)
 
 
-def test_a_falling_needle_has_its_control_chamber_refilled_from_the_line() -> None:
-    """By its area times its lift, which is not injected; what it displaces as it rises comes back."""
+def test_a_rising_needle_expels_fuel_through_its_open_pilot_valve() -> None:
+    """By its area times its lift, which is not injected, and does not come back as it falls."""
 
-    def drained(**areas: float) -> float:
+    def drained(expelling: float, displacing: float) -> float:
+        areas = {"control_flow": 4e-6, "control_displacement": expelling, "displacement": displacing}
         injector = NOMINAL.model_copy(update={"line": NOMINAL.line.model_copy(update=areas)})
         truth = simulate(injector, make_schedule([100e6], 1, 0.05, [1e-3]), 100e3).truth
         return float((truth.line_flow - truth.injection_rate).sum() / 100e3)
 
-    refilled = drained(displacement=3e-6, control_refill=5e-6) - drained()
-    assert refilled == pytest.approx(5e-6 * NOMINAL.seat.max_lift, rel=0.03)
+    expelled = drained(5e-6, 3e-6) - drained(0.0, 0.0)
+    assert expelled == pytest.approx(5e-6 * NOMINAL.seat.max_lift, rel=0.05)
 
 
 def test_rest_stays_at_rest() -> None:

@@ -156,7 +156,7 @@ def test_slopes_of_a_servo_injector_on_a_line_with_waves(case: Case) -> None:
     """What was recorded may be of a lump: slopes are of the model alone."""
     recorded = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
     outflow = "nozzle" if case.c.line.a2_nozzle > 0.0 else "seat"
-    on_waves = with_line(load_injector(), model="wave", cells=5, control_refill=5e-6)
+    on_waves = with_line(load_injector(), model="wave", cells=5, control_displacement=3e-6)
     waves = conftest.make_case(on_waves.model_copy(update={"line_outflow": outflow}))
     window = recorded._replace(start=conftest.start_at_rest(waves.c, 0.7))
     assert_slopes(waves, window, SERVO, by_corners=0.5)  # the needle displaces fuel

@@ -1,8 +1,8 @@
 """Realistic injectors of three sizes, each with less and less left out of what a bench has.
 
 Fuel whose stiffness and density follow the pressure, two-pole filters and 14 bits, a servo needle's pilot valve, an
-orifice at the rail, holes that cavitate, a smooth wall whose friction remembers, a room in the body, pump strokes,
-sensors and a geometry as right as a workshop knows them. Imports nothing of `observer_rt`.
+orifice at the rail; then its control chamber, holes that cavitate, a smooth wall whose friction remembers, a room in
+the body; pump strokes, sensors and geometry as right as a workshop knows them. Imports nothing of `observer_rt`.
 """
 
 import itertools
@@ -57,7 +57,7 @@ class Size:
     part: Injector
     body: float  # m3, in front of the seat
     orifice: float  # Pa s2/m6
-    pilot: float  # m3/s at 100 MPa
+    pilot: float  # m3/s at 100 MPa; also that of a valve with a chamber, while the needle rests
     durations: tuple[float, float]
     pressures: tuple[float, float, float]
 
@@ -158,7 +158,8 @@ def real_injector(setting: Setting, seed: int) -> RealInjector:
         faults = injector.faults._replace(
             orifice_cavitation=CAVITATING, line_pressure_sensor_offset=OFFSET * rng.normal()
         )
-        injector = replace(injector, line=line, faults=faults)
+        laws = Laws(control_flow=1.6 * size.pilot, chamber_inlet=1.28 * size.pilot, guide_area=1.2 * size.pilot)
+        injector = replace(injector, line=line, faults=faults, laws=laws)
     return injector
 
 

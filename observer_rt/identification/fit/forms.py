@@ -124,7 +124,7 @@ CONTROL = (
     FreeParameter("h", "line", "control_hold", "-", 1.0, -1.0, 1.0, 0.0, 0.3, 1.0),
     FreeParameter("n", "line", "control_exponent", "-", 1.0, -2.0, 2.0, 0.0, 0.4, 1.0),
     FreeParameter("w", "line", "control_edge", "us", MICROSECOND, 5e-6, 0.4e-3, CONTROL_EDGE, 1.0),
-    FreeParameter("A_c", "line", "control_displacement", "mm2", 1e-6, -1e-5, 1e-4, 0.0, 4.0, 1e-6),
+    FreeParameter("A_c", "line", "control_displacement", "mm2", 1e-6, 0.0, 1e-4, 0.0, 4.0, 1e-6),
 )
 """Of the pilot valve of a servo injector."""
 DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -1e-5, 1e-4, 0.0, 4.0, 1e-6)

@@ -85,8 +85,7 @@ def test_a_rising_needle_expels_fuel_through_its_open_pilot_valve() -> None:
         truth = simulate(injector, make_schedule([100e6], 1, 0.05, [1e-3]), 100e3).truth
         return float((truth.line_flow - truth.injection_rate).sum() / 100e3)
 
-    expelled = drained(5e-6, 3e-6) - drained(0.0, 0.0)
-    assert expelled == pytest.approx(5e-6 * NOMINAL.seat.max_lift, rel=0.05)
+    assert drained(5e-6, 3e-6) - drained(0.0, 0.0) == pytest.approx(5e-6 * NOMINAL.seat.max_lift, rel=0.05)
 
 
 def test_rest_stays_at_rest() -> None:

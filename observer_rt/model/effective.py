@@ -10,7 +10,7 @@ import numpy as np
 from observer_rt.core.model.model import InputTerms, Nozzle, Sac, Seat, Sensor
 from observer_rt.foundation.units import MILLIMETRE, Floats
 from observer_rt.model.fuel import USUAL_PRESSURE
-from observer_rt.model.hydraulics import Valve, nozzle_of, sac_of, seat_flow_scale, seat_of, valve_of
+from observer_rt.model.hydraulics import Valve, jet_velocity, nozzle_of, sac_of, seat_of, valve_of
 from observer_rt.model.line import LumpLine
 from observer_rt.model.parameters import NO_DEPARTURES, WAVE_LINES, Departures, InjectorParameters
 from observer_rt.model.terms.term import Term
@@ -51,7 +51,7 @@ def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEP
     Effects in force in `parameters` are not looked at: see `effects.effective_model`.
     """
     nozzle = nozzle_of(parameters, departures)
-    seat_flow = seat_flow_scale(parameters)
+    seat_flow = parameters.seat.flow_coefficient * parameters.scaling.area * jet_velocity(parameters)
     return Coefficients(
         line=LINES[parameters.line.model].of(parameters, departures, nozzle.flow, seat_flow),
         seat=seat_of(parameters, departures),

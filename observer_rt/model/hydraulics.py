@@ -61,11 +61,6 @@ def seat_of(parameters: InjectorParameters, departures: Departures) -> model.Sea
     )
 
 
-def seat_flow_scale(parameters: InjectorParameters) -> float:
-    """Q_S [m3/s] through the area A_0 at p_0."""
-    return parameters.seat.flow_coefficient * parameters.scaling.area * jet_velocity(parameters)
-
-
 def full_lift_area(parameters: InjectorParameters) -> float:
     """Seat area A_S at the needle's stop [m2]."""
     seat = parameters.seat

@@ -264,11 +264,6 @@ class Parameter(IntEnum):
 _MM3_PER_MS = MM3_PER_MS / 6e-5  # in units of the usual Q_0; of an area [mm2], the flow at 1 m/s
 
 
-def _control_flow(c: Coefficients) -> float:
-    """Control flow [m3/s] at 100 MPa by theta = 1."""
-    return c.flow_scale * math.sqrt(CONTROL_REFERENCE / c.pressure_scale)
-
-
 def _delay(effect: str, label: str) -> ShownIndicator:
     """Indicator of a delay, in s in JSON and in us on the screen."""
     return ShownIndicator(effect, lambda _: LAG_UNIT, label=label, unit=("s", 1.0), screen_unit=("us", MICROSECOND))
@@ -324,7 +319,8 @@ SCALARS = Scalars((
            counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2, element=Element.NOZZLE),
     Scalar("control_flow", Parameter.CONTROL_FLOW, prior=4 * _MM3_PER_MS, drift=0.02 * _MM3_PER_MS,
            longest_step=6 * _MM3_PER_MS, bounds=(-30 * _MM3_PER_MS, 30 * _MM3_PER_MS),
-           gated_from=0.0, shown=ShownIndicator("control_flow", _control_flow, label="control flow c",
+           gated_from=0.0, shown=ShownIndicator("control_flow", lambda c: c.flow_scale * math.sqrt(
+                                           CONTROL_REFERENCE / c.pressure_scale), label="control flow c",
                                        unit=("m3/s", 1.0), screen_unit=("mm3/ms", MM3_PER_MS)),
            change=lambda line, c: line._replace(control_flow=line.control_flow + line.a1 * c)),
     Scalar("control_start", Parameter.CONTROL_START, prior=80e-6, drift=10e-6, longest_step=40e-6,

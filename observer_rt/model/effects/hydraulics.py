@@ -159,15 +159,13 @@ CONTROL_FLOW = Effect(
 )
 
 
-def _seat_outflow(model: EffectiveModel, _: Sequence[float]) -> EffectiveModel:
-    return replace(model, injector=model.injector.model_copy(update={"line_outflow": LineOutflow.SEAT}))
-
-
 SEAT_OUTFLOW = Effect(
     id="seat_outflow",
     component=Component.CLOSED_END,
     parameters=(),
-    apply=_seat_outflow,
+    apply=lambda model, _: replace(
+        model, injector=model.injector.model_copy(update={"line_outflow": LineOutflow.SEAT})
+    ),
     sentence=(
         "The line is drained by the flow through the seat, which also fills the sac, not by the injection rate."
     ),
@@ -176,8 +174,7 @@ SEAT_OUTFLOW = Effect(
 
 
 def _lift_dependent_seat_coefficient(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    loss, lift = values
-    before = model.departures
+    (loss, lift), before = values, model.departures
     if before.seat_loss != 0.0:
         lift = before.seat_loss_lift  # the law has one scale of lift: that of the loss in force stays
     return model.with_changes("departures", seat_loss=before.seat_loss + loss, seat_loss_lift=lift)
@@ -197,13 +194,9 @@ LIFT_DEPENDENT_SEAT_COEFFICIENT = Effect(
 
 
 def _chamber_pressure_rise(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    rise, share = values
-    before = model.departures
-    return model.with_changes(
-        "departures",
-        chamber_rise=before.chamber_rise + (1.0 - share) * rise,
-        chamber_rise_with_seat=before.chamber_rise_with_seat + share * rise,
-    )
+    (rise, share), before = values, model.departures
+    at_once, with_seat = before.chamber_rise + (1.0 - share) * rise, before.chamber_rise_with_seat + share * rise
+    return model.with_changes("departures", chamber_rise=at_once, chamber_rise_with_seat=with_seat)
 
 
 CHAMBER_PRESSURE_RISE = Effect(

@@ -54,8 +54,9 @@ def test_a_law_that_leaves_no_fuel_is_refused(changes: dict[str, float], cause: 
 @pytest.mark.parametrize("name", read_toml(FUELS))
 def test_a_fuel_stiffens_by_half_and_grows_denser_by_4_percent_from_60_to_150_mpa(name: str) -> None:
     fuel = filled(NOMINAL, name).fluid.in_line
-    assert fuel.stiffness(150e6) / fuel.stiffness(60e6) == pytest.approx(1.475, abs=0.075)
-    assert fuel.density(150e6) / fuel.density(60e6) == pytest.approx(1.0375, abs=0.004)
+    stiffer, denser = (1.65, 1.049) if name == "gasoline" else (1.475, 1.0375)  # which is softer to begin with
+    assert fuel.stiffness(150e6) / fuel.stiffness(60e6) == pytest.approx(stiffer, abs=0.075)
+    assert fuel.density(150e6) / fuel.density(60e6) == pytest.approx(denser, abs=0.004)
 
 
 def of_file(tmp_path: Path, fluid: str) -> InjectorParameters:

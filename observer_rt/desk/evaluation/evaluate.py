@@ -56,11 +56,12 @@ def evaluate(
     knowledge: learned before; learning: whether the recordings are learned from; progress: takes the number of
     samples processed; learner_of: makes the learner of the bench's injector; curves_of: as of `Evaluation`; traces:
     files to be written of the first of the recordings, None: traces, curves and frames are all kept in memory.
-    Raises `UserError` for a recording whose sample rate is not the bench's.
+    A lift that fails is left out of all where all have commands. Raises `UserError` for a recording whose sample rate
+    is not the bench's.
     """
     sources = [HeldSignals(recording) if isinstance(recording, Recording) else recording for recording in recordings]
     evaluations = [Evaluation(source, curves_of, traces is None) for source in sources]
-    bench = bench_for_all(bench, sources)
+    bench_as_given, bench = bench, bench_for_all(bench, sources)
     are_recordings = not any(isinstance(source, LoggedSignals) for source in sources)
     commanded = all("energizing" in source.optional for source in sources) if are_recordings else None
     bus, news = map_bus(bench), list[News]()
@@ -88,7 +89,14 @@ def evaluate(
             evaluation.has_energizing = core.optional.energizing is not None
             evaluation.learned = learned_laws(core.knowledge, core.coefficients)
             before = core.counters
-    return History(tuple(evaluations), core.knowledge, tuple(run.frames))
+    if not commanded or not any(evaluation.has_lost_lift for evaluation in evaluations):
+        return History(tuple(evaluations), core.knowledge, tuple(run.frames))
+    for source in sources:
+        source.has_lift = False
+    history = evaluate(bench_as_given, sources, knowledge, learning, progress, learner_of, curves_of, traces)
+    for evaluation in history.evaluations:
+        evaluation.lift_failed = True
+    return history
 
 
 def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:

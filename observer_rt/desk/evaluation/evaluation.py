@@ -17,6 +17,8 @@ from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table_writers import TableWriter
 from observer_rt.model.effective import Coefficients
 
+FROZEN = 20e-3  # s in which an input stands still, beyond which it is no dropout
+
 
 class Evaluation:
     """One file evaluated: its injections; its samples pass by, or are kept as a trace."""
@@ -29,6 +31,7 @@ class Evaluation:
     """Whether the bench has this input, so that reports and counters include commands."""
     learned: tuple[LearnedLaw, ...]
     """Laws of nozzle and seat as they were known at its end."""
+    lift_failed = False  # and was left out, for it did not show injections that were commanded
 
     def __init__(self, source: SignalStream, curves_of: Coefficients | None = None, keeps_all: bool = False) -> None:
         """curves_of: the nominal model, where curves are drawn.
@@ -64,6 +67,12 @@ class Evaluation:
         return self.injections[-1].calibration.as_text() if self.injections else ""
 
     @property
+    def has_lost_lift(self) -> bool:
+        """Whether the lift froze, or the line pressure fell as by injections, where a command opened no needle."""
+        shows_none = self.counters.unseen_injections > 0 or self.counters.bridged_samples > FROZEN * self.sample_rate
+        return self.has_lift and self.commands > len(self.injections) and shows_none
+
+    @property
     def reports(self) -> tuple[InjectionReport, ...]:
         """Reports of all injections, without courses of rates."""
         return tuple(self.injections)
@@ -78,10 +87,9 @@ class Evaluation:
 
     def take_measured(self, measured: MeasuredMass) -> None:
         """Take the measured mass of the injection reported last; a measured rate goes before it."""
-        if self.injections and not self.has_rate:
-            last = self.injections[-1]
-            if last.number == measured.report.number:
-                self.injections[-1] = replace(last, measured_mass=measured.mass)
+        last = self.injections[-1] if self.injections and not self.has_rate else None
+        if last is not None and last.number == measured.report.number:
+            self.injections[-1] = replace(last, measured_mass=measured.mass)
 
     def take_samples(self, passed: Trace) -> None:
         """Append samples to the trace."""

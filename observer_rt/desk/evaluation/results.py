@@ -106,6 +106,7 @@ def _recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
             "unseen_injections": evaluation.counters.unseen_injections,
             "commands": evaluation.commands,
+            "lift_failed": evaluation.lift_failed,
             **({} if level is None else {"level_ci95_pct": level.bound_pct, "calibrated": level.is_calibrated}),
             **_energizing_json(evaluation),
         },
@@ -166,12 +167,12 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
     noted = [result for result in evaluation.injections if result.remainder_text]
     for result in sorted(noted, key=lambda result: -abs(result.remainder))[:MOST_REMAINDERS]:
         say(console, f"injection {result.number}: {result.remainder_text}")
+    if evaluation.lift_failed:
+        say(console, "the lift is left out, for it misses injections: the needle goes by the commands")
     if evaluation.has_energizing:
         say(console, f"{counters.commands} commands, {counters.missing_injections} injections missing")
     if (idle := evaluation.commands - count) > 0:
-        is_dead = evaluation.has_lift and idle > count  # else shots that are too short, or one with the next
-        remedy = "\n  remedy: if the lift sensor failed, leave its column out: then the commands stand for the needle"
-        say(console, f"{idle} of {evaluation.commands} commands opened no needle{remedy * is_dead}")
+        say(console, f"{idle} of {evaluation.commands} commands opened no needle")
     if unseen := counters.unseen_injections:
         more = f"{unseen} more that {'the lift' if evaluation.has_lift else 'the commands'} did not show"
         say(console, f"injections: {more}: the line pressure fell as by one; no row and no sum has its mass")

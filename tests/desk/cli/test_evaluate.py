@@ -37,7 +37,7 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert json_document["schema"] == 1
     (recording,) = json_document["recordings"]
     assert recording.keys() == RECORDING_KEYS
-    counts = {"adoptions", "rejected_adoptions", "unseen_injections", "commands"}
+    counts = {"adoptions", "rejected_adoptions", "unseen_injections", "commands", "lift_failed"}
     assert recording["summary"].keys() == {"valid_share", *counts, "level_ci95_pct", "calibrated"}
     assert recording["summary"]["calibrated"] is False  # for nothing is stated
     assert (recording["file"], recording["sample_rate_hz"]) == (str(worn), 50e3)

@@ -145,14 +145,6 @@ def test_missing_samples_are_counted_and_left_out() -> None:
     assert not np.isnan(evaluation.trace.injection_rate[9302:]).any()
 
 
-def test_a_pilot_valve_goes_by_the_energizing_of_a_recording() -> None:
-    schedule = make_schedule([100e6], 8, 0.05, [1.1e-3])
-    effects = sized("orifice_area", v_H=0.1), sized("control_flow", c=4e-6)
-    seen = simulate(NOMINAL, schedule, 50e3, effects, SimulatedNoise(), seed=8).recording
-    (evaluation,) = evaluate(BENCH, [replace(seen, energizing=energized(schedule, seen.time))]).evaluations
-    assert 60e-6 * evaluation.reports[-1].indicators["control_flow"].value == pytest.approx(4e-6, rel=0.1)
-
-
 def test_an_injection_whose_command_is_lost_is_counted() -> None:
     schedule = make_schedule([100e6], 5, 0.06, [0.8e-3])
     seen = simulate(NOMINAL, schedule, 50e3, (), SimulatedNoise(), seed=8).recording
@@ -160,8 +152,18 @@ def test_an_injection_whose_command_is_lost_is_counted() -> None:
     (evaluation,) = evaluate(BENCH, [replace(seen, energizing=commands).without_lift()]).evaluations
     assert (len(evaluation.reports), evaluation.counters.unseen_injections) == (4, 1)
     assert "injections: 1 more that the commands did not show" in screen_text(evaluation, C)
-    dead = replace(seen, energizing=energized(schedule, seen.time), needle_lift=seen.needle_lift * (seen.time < 0.3))
-    assert "2 of 5 commands opened no needle" in screen_text(evaluate(BENCH, [dead]).evaluations[0], C)
+
+
+@pytest.mark.parametrize(("dies", "noise"), [(0.14, 0.3e-6), (0.3, 0.0), (0.37, 0.0), (0.37, 0.3e-6)])
+def test_a_lift_that_dies_is_left_out_for_the_commands(dies: float, noise: float) -> None:
+    schedule = make_schedule([100e6], 5, 0.06, [0.8e-3])
+    seen = simulate(NOMINAL, schedule, 50e3, (), SimulatedNoise(), seed=8).recording
+    whole = replace(seen, energizing=energized(schedule, seen.time))
+    lift = np.where(seen.time < dies, seen.needle_lift, np.random.default_rng(1).normal(0.0, noise, seen.time.size))
+    dead, alive = (evaluate(BENCH, [each]).evaluations[0] for each in (replace(whole, needle_lift=lift), whole))
+    assert (dead.lift_failed, alive.lift_failed) == (True, False)
+    assert [each.mass for each in dead.reports] == pytest.approx([each.mass for each in alive.reports], rel=0.02)
+    assert "the needle goes by the commands" in screen_text(dead, C)
 
 
 def test_trace_file(tmp_path: Path) -> None:

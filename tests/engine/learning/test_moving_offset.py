@@ -11,7 +11,6 @@ from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.plant import LINE, RAIL, Step, seen_as
 
 EVENTS = 12
-SEED = 12
 LEARNED = 2  # events, after which a gain is known
 
 
@@ -24,8 +23,7 @@ def gain(role: str, share: float) -> Step:
 
 
 def seen(disturbance: Step, accuracy_percent: float = 0.7) -> ObservedRun:
-    bench = worn_bench(EVENTS, SEED, disturbance)
-    return observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))
+    return observed(worn_bench(EVENTS, 12, disturbance), bench_at(100e3, accuracy_percent=accuracy_percent))
 
 
 @pytest.mark.decisive(2)

@@ -158,9 +158,9 @@ def test_an_injection_whose_command_is_lost_is_counted() -> None:
 def test_a_lift_that_dies_is_left_out_for_the_commands(dies: float, noise: float) -> None:
     schedule = make_schedule([100e6], 5, 0.06, [0.8e-3])
     seen = simulate(NOMINAL, schedule, 50e3, (), SimulatedNoise(), seed=8).recording
-    whole = replace(seen, energizing=energized(schedule, seen.time))
+    sound = replace(seen, energizing=energized(schedule, seen.time))
     lift = np.where(seen.time < dies, seen.needle_lift, np.random.default_rng(1).normal(0.0, noise, seen.time.size))
-    dead, alive = (evaluate(BENCH, [each]).evaluations[0] for each in (replace(whole, needle_lift=lift), whole))
+    dead, alive = (evaluate(BENCH, [each]).evaluations[0] for each in (replace(sound, needle_lift=lift), sound))
     assert (dead.lift_failed, alive.lift_failed) == (True, False)
     assert [each.mass for each in dead.reports] == pytest.approx([each.mass for each in alive.reports], rel=0.02)
     assert "the needle goes by the commands" in screen_text(dead, C)

@@ -68,7 +68,7 @@ class Evaluation:
 
     @property
     def has_lost_lift(self) -> bool:
-        """Whether the lift froze, or the line pressure fell as by injections, where a command opened no needle."""
+        """Whether an input froze, or the line pressure fell as by injections, where a command opened no needle."""
         shows_none = self.counters.unseen_injections > 0 or self.counters.bridged_samples > FROZEN * self.sample_rate
         return self.has_lift and self.commands > len(self.injections) and shows_none
 

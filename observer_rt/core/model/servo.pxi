@@ -37,10 +37,11 @@ cdef inline void add_valve(
     double* row, double factor, double x_1, const Softness* line, const Drain* drain, Inputs u, const ByTheta* theta
 ) noexcept nogil:
     """Add to a row the derivatives of `drained` by the numbers of the valve, times a factor."""
-    cdef double flow = 0.0
+    cdef double flow
     cdef int64_t number
-    if drain.control_flow != 0.0:
-        flow = factor * drain.control_flow * control_root(x_1, line) + factor * drain.expelled * max(u.servo.speed, 0.0)
+    if drain.control_flow == 0.0 or u.servo.opening == 0.0:
+        return
+    flow = factor * drain.control_flow * control_root(x_1, line) + factor * drain.expelled * max(u.servo.speed, 0.0)
     for number in range(<int64_t> VALVE_NUMBERS):
         row[theta.valve[number]] += flow * theta.valve_sizes[number] * u.servo.by_number[number]
 

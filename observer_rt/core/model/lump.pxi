@@ -133,9 +133,8 @@ cdef inline void tangent_rates(
             of_pressure = of_flow = 0.0
     for i in range(<int64_t> VALVE_NUMBERS):
         by_number[theta.valve[i]] = 0.0
-    if u.servo.opening != 0.0:
-        of_pressure = -stiffness(x[0], &c.line.lump.softness)
-        add_valve(by_number, of_pressure, x[0], &c.line.lump.softness, &c.line.lump.drain, u, theta)
+    of_pressure = -stiffness(x[0], &c.line.lump.softness)
+    add_valve(by_number, of_pressure, x[0], &c.line.lump.softness, &c.line.lump.drain, u, theta)
     lump_rates(x, u, flows.q_h, flows.q_s, c, rate, n)
 
 

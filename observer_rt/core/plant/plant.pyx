@@ -71,7 +71,7 @@ cdef inline Inputs _inputs_at(
 cdef inline void _open_valve(Inputs* u, double time, const NeedleStroke* s, const Coefficients* c) noexcept nogil:
     """Have the pilot valve open for a stroke, if it does at this time [s]."""
     cdef Stroke lifted
-    if isinf(s.opening):
+    if isinf(s.opening) or (c.line.wave.drain.control_flow if c.cells > 0 else c.line.lump.drain.control_flow) == 0.0:
         return
     lifted.lifts, lifted.falls = s.opening + LIFT_OFF / s.opening_speed, s.closing + LIFT_OFF / s.closing_speed
     lifted.pressure = above_100_mpa(u.rail, c)

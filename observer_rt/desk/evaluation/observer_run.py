@@ -263,17 +263,16 @@ class ObserverRun:
 
     def _energize(self, first_index: int, level: Bools) -> int:
         """Tell the observer the commands in samples (n,) of a level, which no frame carries; how many began."""
-        observer = self._core.compiled.observer
+        observer, edges = self._core.compiled.observer, np.flatnonzero(np.diff(level, prepend=self._is_energized))
         count = observer.memory["commands"]["count"]  # (1,), of all so far
-        before = int(count[0])
-        for row in np.flatnonzero(np.diff(level, prepend=self._is_energized)).tolist():
+        for row in edges.tolist():
             if level[row]:
                 self._energized_from = first_index + row
                 energize(observer, int(count[0]), self._energized_from)
             else:
                 energize(observer, int(count[0]) - 1, self._energized_from, first_index + row - self._energized_from)
         self._is_energized = bool(level[-1])
-        return int(count[0]) - before
+        return int(np.count_nonzero(level[edges]))
 
     def finish(self) -> None:
         """Judge every event: no recording will come."""

@@ -39,7 +39,7 @@ def test_its_control_flow_is_found(flow: float) -> None:
 
 @pytest.mark.parametrize("moves", [50.0, 250.0])
 def test_a_needle_that_rises_into_its_chamber_does_not_change_the_level(moves: float) -> None:
-    """What it displaces there leaves by the valve, in 10 us or more, and does not come back as it falls."""
+    """What it displaces there leaves by the valve, quick or gradual, and does not come back as it falls."""
     done = fitted(Laws(control_flow=13e-6, chamber_inlet=10e-6, guide_area=7e-6, control_moves=1e-6 * moves), POINTS)
     assert done.inadequate == ()
     assert done.injector.nozzle.flow_coefficient == pytest.approx(0.78, rel=3e-3)  # 1.6 % more without it

@@ -40,7 +40,7 @@ def test_what_disagrees_is_said_and_no_cause_that_a_refit_did_not_show() -> None
 @pytest.mark.parametrize(
     ("fault", "cause", "is_adequate"),
     [
-        ({"chamber_pressure_step": 15e6}, "chamber_pressure_rise dp = 15", False),
+        ({"chamber_pressure_step": 15e6}, "chamber_pressure_rise dp = 15.1 MPa", False),
         ({"entrained_air": 2e-3}, "entrained_air g = 0.00198", True),
         ({"lift_offset": 10e-6}, "lift_offset x_0 = 10", False),
     ],

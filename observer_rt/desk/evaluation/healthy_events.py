@@ -56,6 +56,7 @@ class _Listener(Learner):
     def __init__(self, events: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge) -> None:
         super().__init__(constants, start)
         self._events = events
+        events.clear()  # those of a run whose lift failed, and which is done again without it
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None

@@ -1,8 +1,7 @@
-"""The Gaussian belief about the parameters, carried from event to event, where one may be held.
+"""The Gaussian belief about the parameters, carried from event to event.
 
-A parameter is held at a value found elsewhere, and considered by Schmidt's filter (Application of state-space methods
-to navigation problems, 1966): an event teaches nothing of it, and its uncertainty adds to that of all that depends
-on it. A gated scalar is in the estimate only where it explains enough.
+A held parameter keeps a value found elsewhere, considered by Schmidt's filter (Application of state-space methods to
+navigation problems, 1966): events teach nothing of it, but its uncertainty adds to all that depends on it.
 """
 
 import math
@@ -27,12 +26,11 @@ ALIKE = 60.0  # the same of one that looks like another that is active
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Mean (m,) of theta, and how uncertain it is in two senses, both (m, m).
+    """Mean (m,) of theta and two covariances (m, m), with and without drift.
 
-    covariance: with the drift that every event may bring; it decides how much the next event teaches.
-    error_covariance: of the mean's error when there was no such drift, only the changes that showed. The drift is
-    there to forget by and far larger than wear is from one event to the next: a filter that lives on it is up to
-    sqrt(2) nearer to parameters that stand still than `covariance` says.
+    `covariance` decides how much the next event teaches, by the drift any event may bring. `error_covariance` has
+    only the changes that showed: drift, there to forget by, is far larger than wear, so a filter that lives on it is
+    up to sqrt(2) nearer to parameters that stand still than `covariance` says.
     """
 
     mean: Vector
@@ -83,7 +81,6 @@ class Belief:
         return Belief(mean, *self._of_each(placed))
 
     def _of_each(self, change: Callable[[Matrix], Matrix]) -> tuple[Matrix, Matrix]:
-        """Both covariances changed; computed once where they are one."""
         covariance = change(self.covariance)
         return covariance, covariance if self.error_covariance is self.covariance else change(self.error_covariance)
 
@@ -105,9 +102,8 @@ class Belief:
     def updated(self, information: Matrix, vector: Vector) -> "Belief":
         """The belief after measurements with Gauss-Newton `information` (m, m) and vector (m,) = information @ theta.
 
-        theta: where the measurements' cost is least. The error afterwards is P (P0^-1 e0 + noise), and the noise
-        has the covariance `information`. Raises numpy.linalg.LinAlgError when the sum of both informations is
-        singular, not positive definite or holds NaN.
+        The error afterwards is P (P0^-1 e0 + noise), noise with the covariance `information`. Raises
+        numpy.linalg.LinAlgError when the sum of both informations is singular, not positive definite or holds NaN.
         """
         covariance, _ = inverse_of(self.information + information)
         gain = covariance @ information
@@ -158,10 +154,7 @@ class HeldBelief:
         return theta
 
     def considered(self, after: Belief, information: Matrix) -> Belief:
-        """The belief after an event that includes how uncertain the held value is.
-
-        after: the prior updated by the event; information (m, m): of the event.
-        """
+        """The belief after an event of `information` (m, m), with the held value's uncertainty in it."""
         if self.column is None:
             return after
         toward = self.prior.information @ _zeroed(self.by, self.column) - information[:, self.column]
@@ -187,7 +180,6 @@ def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldB
 
 
 def _zeroed(values: Vector, column: int) -> Vector:
-    """Values (m,) with 0 in a column."""
     result = values.copy()
     result[column] = 0.0
     return result
@@ -198,9 +190,8 @@ def best_subset(
 ) -> tuple[Vector, frozenset[int]]:
     """Parameters (m,) and active columns that maximise the likelihood less the price of the active scalars.
 
-    mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0. carried: the result is
-    carried on to the next event, and is no step of a fit. All subsets of the gated columns are tried.
-    Raises numpy.linalg.LinAlgError when singular.
+    Tries all subsets of the gated columns, by mean (m,) and covariance (m, m) of the joint belief. carried: the
+    result goes on to the next event, and is no step of a fit. Raises numpy.linalg.LinAlgError when singular.
     """
     columns, theta = np.array(gate.columns), np.empty_like(mean)
     prices = {column: STAY if column in active else ENTER for column in gate.columns}
@@ -230,19 +221,15 @@ class GatedBelief:
 
     @cached_property
     def covariance(self) -> Matrix:
-        """Error covariance (m, m) of the free and active parameters as `best_subset` estimates them; 0 of the others.
+        """Error covariance (m, m) of `best_subset`'s free and active parameters; 0 of the others.
 
-        If the belief's error covariance is its covariance, it is the inverse of their part of the information.
         Raises numpy.linalg.LinAlgError when singular.
         """
         return self._by_joint @ self.belief.error_covariance @ self._by_joint.T
 
     @cached_property
     def _by_joint(self) -> Matrix:
-        """Map (m, m) from the joint mean to the estimate: the scalars left out are known to be 0.
-
-        The others are conditioned on that and on the held scalars, which keep their values.
-        """
+        """Map (m, m) from the joint mean to the estimate, conditioned on the scalars left out (0) and those held."""
         covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
         out = [column for column in self.gate.columns if column not in self.active]
         if out:

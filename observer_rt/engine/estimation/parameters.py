@@ -265,12 +265,10 @@ _MM3_PER_MS = MM3_PER_MS / 6e-5  # in units of the usual Q_0; of an area [mm2], 
 
 
 def _delay(effect: str, label: str) -> ShownIndicator:
-    """Indicator of a delay, in s in JSON and in us on the screen."""
     return ShownIndicator(effect, lambda _: LAG_UNIT, label=label, unit=("s", 1.0), screen_unit=("us", MICROSECOND))
 
 
 def _weights(groups: Sequence[Group], column: int) -> Iterator[Scalar]:
-    """Rows of the weights of the neurons of each curve, from a column on."""
     for group in groups:
         yield Scalar(
             group.name,
@@ -421,8 +419,7 @@ def network_of(theta: Floats) -> Network:
 def by_theta(theta: Floats, c: Coefficients, columns: Ints = EVERY, shots: int = 0) -> ByTheta:
     """Action of theta (m,) on a model without it: columns of the parameters, and slopes of the line by complex steps.
 
-    columns (k,): of theta, by which a tangent is wanted: its first ones; shots: of an event, whose delays come next.
-    Cached: no caller may write into its arrays.
+    columns (k,): whose tangents come first, those of `shots` delays next. Cached: callers must not write its arrays.
     """
     return _by_columns(c.line, SCALARS.of_line(theta), columns.tobytes(), shots)
 
@@ -498,7 +495,6 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
 
 @_cached
 def _changed(line: Any, values: tuple[Any, ...]) -> Any:
-    """The line after all laws, with values in the order of `SCALARS.laws`."""
     for (_, change), value in zip(SCALARS.laws, values, strict=True):
         line = change(line, value)
     return line

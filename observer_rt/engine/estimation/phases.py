@@ -48,10 +48,7 @@ PHASE_WORDS = {
 
 @dataclass(frozen=True)
 class PhaseStatistics:
-    """Sums over samples and blocks of normalised innovations, by phase; they add up over events.
-
-    The sum of squares over their number is 1 for an adequate model.
-    """
+    """Sums of squared normalised innovations by phase, over samples and blocks; their mean is 1 for a good model."""
 
     squares: Floats  # (PHASES,)
     samples: Floats  # (PHASES,)
@@ -112,9 +109,9 @@ class PhaseStatistics:
         return np.where(is_beyond, self.deviates.max(axis=1), 0.0)
 
     def excess(self, phase: Phase) -> float:
-        """Improbability of the largest of variance and colours for white noise, in standard deviations.
+        """Standard deviations by which the largest of variance and colours exceeds white noise; 0 without samples.
 
-        0 without samples. The sums of few blocks have a long tail, which a normal distribution would ignore.
+        The sums of few blocks have a long tail, which a normal distribution would ignore.
         """
         return float(self.deviates[phase].max())
 
@@ -134,10 +131,7 @@ def phase_statistics(
     left_out: Bools | None = None,
     limit: float = math.inf,
 ) -> PhaseStatistics:
-    """Statistics of innovations (n,) with standard deviation `sigma`, from sample `first` on.
-
-    left_out (n,): samples that do not count, None: all count; limit: size in sigma to which innovations are clipped.
-    """
+    """Statistics from sample `first` on of innovations (n,), clipped to `limit` sigma, without left_out (n,)."""
     result = no_statistics()
     if left_out is None:
         left_out = np.zeros(len(phases), np.bool_)

@@ -53,10 +53,7 @@ LARGEST_NOISE = NoiseLevels(rail_pressure=5 * MEGAPASCAL, line_pressure=5 * MEGA
 
 @dataclass(frozen=True)
 class GainSchedule:
-    """Kalman gains of x~, from a start with x1 = y, x2 = 0 to the steady state.
-
-    Row k is used k samples after the start, the last row from then on.
-    """
+    """Kalman gains of x~, from a start with x1 = y, x2 = 0: row k is used k samples later, the last for good."""
 
     gains: Matrix  # (n, states) on p_L, Q_L, indicated pressure, further states of the line
     innovation_sigma: float  # steady standard deviation of e~ [p_0]
@@ -73,11 +70,10 @@ def gain_schedule(
 ) -> GainSchedule:
     """Gains for the line at rest (friction 0), rail-pressure noise driving it and line noise on y.
 
-    p_S gets no gain: it relaxes within microseconds. sample_rate in Hz, lag of the sensor in s; late: by which share
-    of a sample interval (0..1) the indicated pressure is recorded late; rail_every: samples to one of the rail
-    pressure, whose noise is the stronger at low frequencies the longer straight lines lead from one to the next;
-    rail_smoothing: width of the kernel [s] that the rail pressure was smoothed by, whose noise is then coloured.
-    The colour is carried along in the covariance, and not estimated (Schmidt's filter): x~ has no states for it.
+    p_S gets no gain: it relaxes within microseconds. sample_rate [Hz], lag of the sensor [s]; late: share (0..1) of a
+    sample interval by which the indicated pressure is recorded late; rail_every: samples to one of the rail pressure:
+    the longer the lines between them, the more noise at low frequencies; rail_smoothing: kernel width [s], which
+    colours that noise. The covariance carries the colour (Schmidt's filter): x~ has no states for it.
     """
     interval = 1.0 / sample_rate
     line, rail = c.line.transition(interval)
@@ -114,10 +110,7 @@ def gain_schedule(
 def _coloured(
     transition: Matrix, rail_effect: Matrix, covariance: Matrix, variance: float, kept: float
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Transition, process noise and start covariance with the states of the noise's shaping filter at the end.
-
-    Equal first-order lags, one behind the other, `kept` of each from sample to sample; the last drives the line.
-    """
+    """Model (transition, process noise, start covariance) with `SHAPING` lags, which keep `kept` of the noise."""
     size = len(transition)
     moved = np.zeros((size + SHAPING, size + SHAPING))
     moved[:size, :size] = transition
@@ -154,10 +147,7 @@ def _measurement(c: Coefficients, size: int, interval: float, lag: float, late: 
 
 
 def smoothing_of(interval: float) -> float:
-    """Width of the kernel [s] that smooths the rail pressure, at a sample interval [s].
-
-    At least a sample, so that noise does not fix the delay; noise that drives waves passes for a lag, or for damping.
-    """
+    """Width [s] of the kernel that smooths the rail pressure: at least a sample, else noise fixes the delay."""
     return max(SMOOTHED_BY, interval)
 
 
@@ -279,10 +269,7 @@ class Gradient(NamedTuple):
 
 
 def gradient_of(acting: ByTheta, c: Coefficients, columns: int, is_commanded: bool = False) -> Gradient:
-    """A gradient of 0 with at least so many columns, for a theta whose action on the model `c` is `acting`.
-
-    is_commanded: the needle answers commands.
-    """
+    """A gradient of 0 with room for `columns` at least; is_commanded: the needle answers commands."""
     tangent = tangent_of(c, acting, columns, is_commanded)
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
@@ -299,11 +286,10 @@ def innovations(window: Window, setting: Setting, learned: LearnedModel, result:
 def innovations_with_sensitivity(
     window: Window, setting: Setting, theta: Floats, result: Floats, slopes: Floats, columns: Ints = EVERY
 ) -> None:
-    """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, k): the filtered gradient.
+    """`innovations` for theta (m,), and their filtered derivatives de~/dtheta into `slopes` (n, k).
 
-    columns (k,): of theta; those of the needle are among them where it answers commands. The derivative by the delay
-    of the lift is a difference quotient, for the lift has corners between samples. The last columns of `slopes` are
-    the window's `shot_columns`.
+    columns (k,): of theta, those of the needle included where it answers commands; the window's `shot_columns` come
+    last. The delay of the lift has a difference quotient, for the lift has corners between samples.
     """
     c, extra = setting.coefficients, window.shot_columns
     learned, acting = learned_of(theta, c), by_theta(theta, c, columns, extra // 2)

@@ -42,10 +42,7 @@ Pairs = frozenset[int]
 
 
 def _offered(scales: Ints) -> Vector:
-    """Logarithms of how likely choices (k, curves) of a flow's scales are before any event.
-
-    Of a flow with a law all curves have one scale as likely as not: a law over one input is nearly one over others.
-    """
+    """Log priors (k,) of choices (k, curves) of a flow's scales; curves of a law often have one scale."""
     choices = _SCALES.size ** scales.shape[1] - 1
     one_scale = (scales == scales[:, :1]).all(axis=1) / (_SCALES.size - 1)
     lawful = (1.0 - LAWLESS) * (ONE_SCALE * one_scale + (1.0 - ONE_SCALE) / choices)
@@ -65,11 +62,7 @@ class ScaleChoice(NamedTuple):
 
     @property
     def noise(self) -> Vector:
-        """Variances (HIDDEN,) with which weights were measured to be 0, in units of the prior's.
-
-        A prior smaller by s is the whole one after each weight was measured to be 0 with s^2/(1 - s^2) of its
-        variance.
-        """
+        """Variances (HIDDEN,) of weights measured to be 0, in units of the prior's: s^2/(1 - s^2) for a scale s."""
         squares = np.where(_is_other(self.pairs), _SCALES[0], _SCALES[-1])
         squares[_OF_SINGLE] = _SQUARES[self.row]
         return np.asarray(squares / (1.0 - squares))
@@ -84,8 +77,7 @@ def _measured(
 ) -> Belief:
     """Moments of the mixture of beliefs after weights in columns (k,) were measured to be 0.
 
-    noises (c, k): variances in units of their prior's, in each part of the mixture; shares (c,): of the parts;
-    has_errors: whether its error covariance is wanted, which an event's fit does not ask for.
+    noises (c, k): variances by part, in units of the prior's; shares (c,): of the parts.
     """
     across, own = _in_units(belief.covariance, columns, prior)
     informations = np.array([_information(own, noise) for noise in noises])
@@ -121,13 +113,11 @@ def _information(own: Matrix, noise: Vector) -> Matrix:
 
 @lru_cache(32)
 def _is_other(pairs: Pairs) -> Bools:
-    """Whether weights (HIDDEN,) are of pairs but these."""
     return np.asarray(IS_PAIR[_CURVE] & ~np.isin(_CURVE, list(pairs)), np.bool_)
 
 
 @lru_cache(32)
 def _others(pairs: Pairs) -> Ints:
-    """Weights of all pairs but these."""
     return np.flatnonzero(_is_other(pairs))
 
 
@@ -149,7 +139,7 @@ def without_others(belief: Belief, pairs: Pairs) -> Belief:
 
 
 def _in_use(belief: Belief, pairs: Pairs, has_errors: bool = True) -> Belief:
-    """The belief about the columns in use, where weights of all pairs but these are 0."""
+    """The belief about the columns in use, the weights of all other pairs 0."""
     others = _others(pairs)
     noises = np.full((1, others.size), _NOISES[0])
     measured = _measured(belief, WEIGHTS[others], _PRIOR[others], noises, _ALONE, has_errors)
@@ -179,10 +169,10 @@ def _without_law(pairs: Pairs) -> Vector:
 def weigh_choices(
     mean: Vector, covariance: Matrix, pairs: Pairs, log_priors: Vector | float = 0.0
 ) -> tuple[Vector, Vector]:
-    """Logarithms (k,) of how likely each choice with these pairs is by a mean and covariance in the columns in use.
+    """Logarithms (k,) of how likely each choice with these pairs is, and the mean (m,) at the likeliest.
 
-    Both with the whole prior; log_priors (k,): of choices beyond what `_BEFORE` says. And the mean (m,) at the
-    likeliest, without other pairs. Raises numpy.linalg.LinAlgError when not positive definite.
+    mean and covariance, in the columns in use, have the whole prior; log_priors (k,): beyond what `_BEFORE` says.
+    Raises numpy.linalg.LinAlgError when not positive definite.
     """
     logs = _BEFORE + len(pairs) * math.log(PAIRED) + log_priors
     theta = np.zeros(EVERY.size)

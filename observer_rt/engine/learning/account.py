@@ -97,7 +97,7 @@ class BeliefUpdate:
         )
 
     def _noise(self, explanation: Explanation) -> Noise:
-        """Noise by the belief before an explanation, and by the event; computed once for each reading."""
+        """Noise by the belief before an explanation, and by its event; computed once for each reading."""
         learned, reading = explanation.before, explanation.reading
         key = id(learned.at_rest), id(reading)
         if key not in self._noises:
@@ -124,11 +124,10 @@ def has_lag_for_bounce(rival: LearnedInjector, learned: LearnedInjector) -> bool
 
 
 def account_after(before: Account, continued: Sequence[Continued]) -> tuple[Explanation, Account]:
-    """The explanation that is carried, and the account after an event; continued: the likeliest first.
+    """The explanation to carry, and the account after an event; continued: the likeliest first.
 
-    Explanations whose beliefs are alike are one belief, in several modes. The belief with most support in one mode
-    goes on; carried is its first explanation that is good. A rival that has explained an event after its first stays
-    as long as it has a lag for a bounce, though it explains no more: a needle unlike the model's misleads.
+    Alike beliefs are one, in several modes. That with most support in one mode goes on by its first good explanation.
+    A rival stays while it has a lag for a bounce, though it explains no more: a needle unlike the model's misleads.
     """
 
     def is_one(first: Continued, second: Continued) -> bool:
@@ -183,10 +182,7 @@ class ExplainedEvent(NamedTuple):
 
 
 def explain(state: LearningState, event: ClosedEvent, offset: float | None, reader: EventReader) -> ExplainedEvent:
-    """Explain an event; offset: line over rail pressure at rest before it [p_0], None: unknown.
-
-    Raises numpy.linalg.LinAlgError where nothing is finite.
-    """
+    """Explain an event; offset: line over rail at rest before it [p_0]. Raises LinAlgError if nothing is finite."""
     window = with_smooth_rail(state.energizing.current.undone(event.window), event.constants)
     readings = _EventReadings(state, event, offset, reader)
     readings.weigh(state.account, window)
@@ -220,10 +216,7 @@ class _EventReadings:
         self.rivals = [state.account.rival] if state.account.rival else []
 
     def weigh(self, account: Account, window: Window, off: float = 0.0) -> None:
-        """Explain a window by an account, where that is finite; off: nats of samples that were left out of it.
-
-        Raises numpy.linalg.LinAlgError when singular.
-        """
+        """Explain a window, if finite; off: nats of samples left out. Raises LinAlgError when singular."""
         reading = self._read(account.learned, window, off)
         if np.isfinite(reading.first.value):
             kinds = OfferedKinds(account, reading, self._reader)
@@ -268,7 +261,6 @@ class _EventReadings:
         return [replace(self._weighed[i], weight=float(weights[i])) for i in order if weights[i] >= lives[i]]
 
     def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
-        """Reads the event round a belief."""
         state, event, reader = self._state, self._event, self._reader
         setting, white_sigma = reader.setting_at(learned.theta, state.noise, event.constants)
         colour, temper = learned.colour, state.overdispersion.factor
@@ -279,10 +271,10 @@ class _EventReadings:
         return EventReading(learned, cost, first, white_sigma, self._phases, resting, off)
 
     def _first(self, learned: LearnedInjector, cost: EventCost) -> EventRun:
-        """The run at the belief, or in the first event of a needle that answers commands the best of several fits.
+        """The run at the belief, or the best of several fits in the first event of a needle that answers commands.
 
-        The fits have no law of nozzle and seat, which would make up for a needle and a line that are far from theirs.
-        The best fit with a late line sensor, which looks like delays and a bounce of the needle, becomes a rival.
+        These have no flow laws, which would make up for a needle and a line far from theirs. The best with a late
+        line sensor, which looks like delays and a bounce of the needle, becomes a rival.
         """
         first = cost.linearised(learned.theta)
         if cost.window.needle is None or not learned.is_prior or learned.active:
@@ -302,7 +294,7 @@ class _EventReadings:
         return cost.linearised(starts[0])
 
     def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[EventRun, RestingPressure]:
-        """Run an event at the belief, with offset and gain as rest says if these differ from the belief's."""
+        """Run an event at the belief, with offset and gain by its rest where they differ from the belief's."""
         first = self._first(learned, cost)
         resting = RestingPressure.of(cost, first)
         move = resting.held(learned.belief).prior.mean - learned.belief.mean

@@ -18,9 +18,8 @@ from observer_rt.engine.learning.noise import Colour, mask_of
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.units import Floats
 
-# A phase is coloured when some statistic, pooled over recent events, exceeds white noise by this many of its
-# standard deviations and by this factor. The first keeps false alarms rare (below 1e-4 an event for white noise),
-# the second keeps a model that is good enough from being refused by very long recordings.
+# Standard deviations and factor by which a pooled statistic exceeds white noise where a phase is coloured. The first
+# keeps false alarms below 1e-4 an event, the second keeps very long recordings from refusing a good model.
 SIGNIFICANT = 4.5
 RELEVANT_COLOUR = 1.6
 RELEVANT_VARIANCE = 1.15  # where the needle moves
@@ -98,10 +97,7 @@ def is_offset(offset: float, untold: float = 0.0) -> bool:
 def objections(
     statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED, untold: float = 0.0
 ) -> list[Objection]:
-    """Objections to an event; offset, untold [Pa] and lag [s] as identified; to a model that fits nobody, always.
-
-    Empty: it passed. What names a cause comes first.
-    """
+    """Objections to an event, a cause first; offset, untold [Pa], lag [s]. A model not fitted always has one."""
     result = [Objection(Reason.PRESSURE_OFFSET)] if is_offset(offset, untold) else []
     if lag > LARGEST_LAG:
         result.append(Objection(Reason.SENSOR_LAG))
@@ -112,19 +108,16 @@ def objections(
 
 
 def is_worn_beyond_limits(theta: Floats) -> bool:
-    """Whether theta (m,) stands at a limit of nozzle or seat: it is no minimum there, and its interval says nothing.
-
-    An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.
-    """
+    """True if theta (m,) is at a limit of nozzle or seat (no minimum), as after an opening that was none."""
     limits = ((theta[row.column], row.bounds) for row in SCALARS.rows if row.column in FLOWS)
     return any(not lowest < value < highest for value, (lowest, highest) in limits)
 
 
 def is_no_law(theta: Theta, wide: Theta) -> bool:
-    """Whether what the network learned is no law of nozzle or seat, for line or sensor seem to be better than new.
+    """True if the network learned no law of nozzle or seat; wide: standard deviations (m,) before any event.
 
-    A late channel, a line that remembers, or one whose inertance goes with its flow: each is taken for a lag, or for
-    less friction, and the network makes up for the rest. wide: standard deviations (m,) before any event.
+    Line or sensor seem better than new: a late channel, a line that remembers, or an inertance that goes with the
+    flow looks like a lag or less friction, and the network makes up for the rest.
     """
     square = float(np.mean((theta[WEIGHTS] / wide[WEIGHTS]) ** 2))
     is_other = sensor_lag(theta) > LAG_OF_LAWS or theta[Parameter.LINE_FRICTION] < FRICTION_OF_LAWS
@@ -132,11 +125,10 @@ def is_no_law(theta: Theta, wide: Theta) -> bool:
 
 
 def looks_like_inertance(nozzle_change: float, stiffness_change: float, line: float = 0.0) -> bool:
-    """Whether N_H and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
+    """True if N_H and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
 
-    Flows, 1/K_L and inertance scaled together leave p_L as it is, so that the level of Q_H is not known then: with
-    the inertance off by a factor s, 1 + N_H -> s and 1 + r -> 1/s are found for a healthy injector. line: share by
-    which it is known, one sigma, which is in every interval.
+    Flows, 1/K_L and inertance scaled together leave p_L as it is: with the inertance off by s, a healthy injector has
+    1 + N_H -> s and 1 + r -> 1/s. line: share (one sigma) to which it is known, in every interval.
     """
     stiffer = -math.log1p(stiffness_change)
     wider = math.log1p(max(nozzle_change, -0.99))
@@ -157,11 +149,11 @@ class Examiner:
     """Finds the objections to one event after the other, and keeps what the next is judged by."""
 
     def __init__(self, statistics: PhaseStatistics, healthy: Healthy, colour: Colour | None = None) -> None:
-        """statistics: over the events before the first; colour: of the innovations then, None if they are white."""
+        """statistics: before the first event; colour: of the innovations then, None if white."""
         self._healthy = healthy
         self._passed = 0
         self.colour = colour
-        """Colour of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
+        """Colour of the innovations; replaced, as the statistics are, by what learning from an event found."""
         self.statistics = statistics
         """Over recent events; whoever learns from an event replaces them by what was found."""
 
@@ -172,12 +164,10 @@ class Examiner:
     def examine(
         self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
     ) -> Examination:
-        """Judges one event.
+        """Judges one event; `window` None: it cannot be tested; in_force (m,) and constants: during it.
 
-        One that is refused by itself says nothing of those after it, but that one must pass first; two, where it was
-        not long since: a wrong model is not contradicted at every operating point.
-
-        window: None where it cannot be tested; in_force (m,) and constants: during it.
+        One refused by itself says nothing of later ones, but the next must pass, two where one was refused lately: a
+        wrong model is not contradicted at every operating point.
         """
         if window is None:
             return Examination((Objection(Reason.NOT_JUDGED),), self.statistics, self._passed)
@@ -202,7 +192,6 @@ class Examiner:
 
 
 def _offset(window: Window, in_force: Theta, constants: Constants) -> tuple[float, float]:
-    """Line over rail pressure [Pa] with the needle shut before the event, and what a gain may be of it."""
     shut, scale = slice(0, max(window.opening, 1)), constants.coefficients.pressure_scale
     rail, gain = window.inputs[shut, 0], float(in_force[Parameter.LINE_PRESSURE_GAIN])
     difference = window.output[shut] - (1.0 + gain) * rail

@@ -1,13 +1,12 @@
-"""Disturbance of the line pressure by the coil's current: looked for as a step before openings, removed once known.
+"""Disturbance of the line pressure by the coil's current: a step before openings, taken out once known.
 
 The current adds a pulse to the measured line pressure, which would be taken for wear. It begins with a step at the
-same time before every opening: the needle is shut then and nothing moves, so no parameter of the model can imitate
-the step, but where a pilot valve has opened: only the whole event tells the step from its flow, which may begin
-earlier or later than the model's, gradually. One event hardly shows it; over many events it stands out of the noise,
-however small it is. So does what a model lacks: two events running must be explained better with the pulse than by
-theta and such a valve. It ends during the injection: each end on a grid is compared by how well the events are
-explained with it, everything else fitted. The pulse is taken out once one end is more likely than all others
-together; from then on the covariance of theta contains the change that another end would make.
+same time before every opening: the needle is shut and nothing moves, so that no parameter can imitate it; only where
+a pilot valve opens must the whole event tell the step from its gradual flow. One event hardly shows the step, many
+do, and so does what a model lacks: two events running must be explained better with the pulse than by theta and such
+a valve. Its end, during the injection, is that of a grid with which events are best explained, everything else
+fitted. It is taken out once one end is more likely than all others together; from then on the covariance of theta
+contains the change by another end.
 """
 
 from collections.abc import Callable
@@ -102,8 +101,7 @@ class EdgeSearch:
 def sums_at_rest(innovations: Vector, response: Vector, places: EdgePlaces) -> Matrix:
     """Products and squares (2, places) of a step before the opening, where only noise may hide it.
 
-    innovations: (n,) until the opening, in standard deviations; response: (n,) of them to a step of y by one, at the
-    sample `longest` before the opening.
+    innovations (n,): until then, in standard deviations; response (n,): to a step of y by one, `longest` before it.
     """
     n = innovations.size
     shape = response[n - places.longest : n - places.longest + places.seen_for]
@@ -121,9 +119,8 @@ def sums_beside_flow(
 ) -> Matrix:
     """Products and squares (2, places) of a pulse beside the flow of a pilot valve, with theta fitted.
 
-    Both begin before the opening, so that only the whole event can tell them apart. opening: its sample; innovations:
-    (n,) of the event, in standard deviations; response: (n,) of these to a pulse of one that begins at the sample
-    `longest` before the opening.
+    Both begin before the opening (its sample), so that only the whole event tells them apart. innovations (n,): in
+    standard deviations; response (n,): to a pulse of one from the sample `longest` before the opening on.
     """
     first = opening - places.longest
     at = np.arange(places.shortest, places.longest + 1)
@@ -204,10 +201,7 @@ class CoilCurrent:
     def after(
         self, window: Window, before: int, innovations: Innovations, theta: ThetaColumns, ends: Ints
     ) -> "CoilCurrent":
-        """The next value, after an event as it was recorded, with an edge so many samples before its openings.
-
-        innovations: of a window (n,), in standard deviations, 0 where they do not count; ends: grid to compare.
-        """
+        """The next value after an event as recorded, its edge `before` samples early; ends: grid to compare."""
         innovations_of_event = innovations(window)
         clipped = np.clip(innovations_of_event, -CLIP, CLIP)
         without = [innovations(CoilPulse(TRIED, before, int(end)).taken_out(window)) for end in ends]
@@ -253,11 +247,10 @@ class CoilDisturbance:
     def after(
         self, window: Window, run: EventRun, sigma: float, cost: EventCost, wide: Vector, interval: float, flows: bool
     ) -> tuple["CoilDisturbance", bool]:
-        """The next value, after an event as it was recorded; whether that has a pulse that was not taken out.
+        """The next value, after an event as recorded; True if that has a pulse that was not taken out.
 
-        run: of the event as it was fitted; sigma: of innovations, as events scatter [p_0]; cost: of the event; wide:
-        standard deviations (m,) of theta before any; interval: of samples [s]; flows: whether the flow of a pilot
-        valve is in the event.
+        run, cost: of the event as fitted; sigma: of innovations, as events scatter [p_0]; wide: standard deviations
+        (m,) of theta before any; interval [s] of samples; flows: the flow of a pilot valve is in the event.
         """
         places, theta = edge_places(interval), run.theta
         first = window.opening - places.longest

@@ -1,8 +1,7 @@
 """The reader of events: gains of x~, cost, linearisation, and line pressure at rest of an event round a belief.
 
-Offset and gain of one sensor over the other's are distinguished by rest at several pressures, in one event (the rail
-dips) or from event to event. This comes before the noise is given a colour: the misfit of a gain would be taken for
-one, and its high pass would then hide the offset.
+Rest at several pressures, within an event (the rail dips) or over events, tells offset and gain of a sensor apart. It
+comes before the noise's colour: that would take a gain's misfit in, and its high pass would hide the offset.
 """
 
 import math
@@ -42,10 +41,7 @@ _BOTH = [_OFFSET, _GAIN]
 
 @dataclass(frozen=True, eq=False)
 class RestingPressure:
-    """Means of innovations over blocks of an event's rest.
-
-    means: (k,) at theta (m,); slopes: (k, 2) by offset and gain; noise: variance of a mean; pressure_scale: p_0 [Pa].
-    """
+    """Means (k,) of innovations over blocks of rest, at theta (m,), with slopes (k, 2) by offset and gain."""
 
     theta: parameters.Theta
     means: Floats
@@ -87,7 +83,6 @@ class RestingPressure:
         return RestPoint(rail_pressure * scale, float(own) * scale, variance * scale**2 + BLOCK_ERROR**2)
 
     def _gain(self, belief: Belief) -> tuple[float, float]:
-        """Gain, and its variance, by a belief and the rest."""
         before, prior = belief.mean[_BOTH], belief.covariance[np.ix_(_BOTH, _BOTH)]
         if not self.means.size:
             return float(before[1]), float(prior[1, 1])
@@ -125,11 +120,7 @@ class ClosedEvent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EventReader:
-    """Constants of learning for an injector.
-
-    interval: of samples [s]; pressure_scale: p_0 [Pa]; limits: of theta; healthy: innovations of a healthy injector;
-    calibration: of level and sensors; gains_for: `gain_schedule`, or a cache of it.
-    """
+    """Constants of learning; interval [s] of samples; gains_for: `gain_schedule`, or a cache of it."""
 
     interval: float
     pressure_scale: float
@@ -195,7 +186,7 @@ class EventReader:
 
 
 def smoothing_in(constants: Constants) -> float:
-    """Width [s] of the kernel that smooths the rail pressure of an event; 0 on a line without waves.
+    """Kernel width [s] that smooths the rail pressure of an event; 0 on a line without waves.
 
     Noise of the rail that runs along a line with waves is less with a late sensor, whether that is late or not.
     """
@@ -214,8 +205,7 @@ def with_smooth_rail(window: Window, constants: Constants) -> Window:
 class EventReading:
     """An event read round the belief `learned`: its cost, and the run from which fits begin.
 
-    white_sigma: of innovations without a colour [p_0]; phases (n,); resting: line pressure at rest; off: nats of the
-    samples that were left out of the window, as what they are.
+    white_sigma: of white innovations [p_0]; resting: line pressure at rest; off: nats of samples left out.
     """
 
     learned: LearnedInjector

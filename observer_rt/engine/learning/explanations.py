@@ -93,7 +93,6 @@ class Explanation:
 
 
 def _run_at(reading: EventReading, theta: Theta, fit: Fit | None) -> EventRun:
-    """The run of an event with theta (m,): that of its fit, if there is one."""
     return reading.first.to_first_order(theta) if fit is None else fit.run
 
 
@@ -101,9 +100,8 @@ def _run_at(reading: EventReading, theta: Theta, fit: Fit | None) -> EventRun:
 class _KindEvidence:
     """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough.
 
-    prior: to learn from; held: without the pairs that are not in use; part: of it, in the columns in use;
-    scale_log_priors: logarithms of how likely the scales of its weights are before the event, over what `held` itself
-    says of them; scales: the likeliest after it.
+    prior: to learn from; held: without pairs not in use; part: of it, in the columns in use; scale_log_priors: log
+    priors of the scales over what `held` says; scales: the likeliest after the event.
     """
 
     prior: Belief
@@ -131,10 +129,7 @@ class _KindEvidence:
         self.log = by_whole.log + self.held.log + scales.log_sum(logs)
 
     def refine(self, fitter: EventFitter, start: EventRun, steps: int) -> None:
-        """Fit the kind at its likeliest scales, and again if others are the likeliest from there.
-
-        Of a fall of the cost that the last linearisation promises, and no fit confirmed, `BEYOND` counts at most.
-        """
+        """Fit the kind at its likeliest scales, and again if others are; unconfirmed falls count `BEYOND` at most."""
         for _ in range(SCALE_FITS):
             likeliest = self.scales
             self.fit = fitter.fit(start, likeliest.of(self.held.prior), steps)
@@ -235,7 +230,7 @@ class OfferedKinds:
         return drift, priors | {QUICK: drift.belief}
 
     def _weighed(self, priors: Mapping[Kind, Belief]) -> dict[Kind, _KindEvidence]:
-        """Evidence of each kind with its prior, by the cost as it was linearised first."""
+        """Evidence of each kind with its prior, by the first linearisation of the cost."""
         belief, evidence = self._learned.belief, dict[Kind, _KindEvidence]()
         pairs = scales.pairs_in_use(belief)
         columns, likely = scales.columns_in_use(pairs), scales.choices_by(belief, pairs)
@@ -264,10 +259,7 @@ class OfferedKinds:
         return belief.widened(self._reader.widths(kind)) if kind.columns else belief
 
     def _start(self, evidence: _KindEvidence, moves: Theta) -> bool:
-        """Linearise a kind at the best of theta moved by `moves` (k, m); return whether that was done.
-
-        It is done if much is to be explained, or nothing was learned before, and a move lowers the cost.
-        """
+        """Linearise a kind at the best of theta moved by `moves` (k, m) if much falls; True if that was done."""
         first, cost = self._reading.first, self._reading.cost
         is_far = first.value - evidence.cost.expected(evidence.theta) > FALLS_FAR
         if not (is_far or self._learned.is_prior):
@@ -280,7 +272,7 @@ class OfferedKinds:
         return True
 
     def _nearly_white(self, evidence: _KindEvidence) -> float:
-        """Nats that a kind gains by nearly white innovations, those of `BEFORE` if both explain the event as well."""
+        """Nats that a kind gains by nearly white innovations, those of `BEFORE` if both explain the event alike."""
         before, reading = self._evidence[BEFORE], self._reading
         leaves, as_before = (each.cost.expected(each.theta) for each in (evidence, before))
         alike = before if abs(leaves - as_before) < LEFT_ALIKE else evidence
@@ -288,7 +280,7 @@ class OfferedKinds:
         return nearly_white(left, reading.cost.temper, self._reader.healthy)
 
     def _fit(self, evidence: _KindEvidence, behind: float) -> None:
-        """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
+        """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best one."""
         first, is_new, falls = evidence.cost, self._learned.is_prior, evidence.falls
         if behind <= -REFINED - FALL_COUNTS * max(falls, 0.0):
             return

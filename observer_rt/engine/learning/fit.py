@@ -1,11 +1,8 @@
 """One event fitted from a prior, by Gauss-Newton on the prediction error, and its evidence for the prior.
 
-Gated scalars are chosen anew in every step. The evidence is the marginal likelihood, in closed form where the cost is
-a parabola (MacKay, Information Theory, Inference, and Learning Algorithms, chapter 28): the best fit, less what a
-prior pays for its width.
-
-A model that leaves innovations a little louder, or a little coloured, is adequate: that costs it nothing. An event at
-fault leaves them as loud, in some phase and over some length of blocks, as they are; the density for that is broad.
+Every step chooses the gated scalars anew. The evidence is the marginal likelihood, in closed form where the cost is a
+parabola (MacKay, Information Theory, Inference, and Learning Algorithms, chapter 28). Innovations a little loud or
+coloured cost a model nothing; those of an event at fault pay for their loudness by a broad density.
 """
 
 import math
@@ -42,10 +39,7 @@ _LAG = int(Parameter.SENSOR_LAG)
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Lowest and highest theta (m,), its longest step in an iteration (m,), and the gate of its scalars.
-
-    least_lag: of the line sensor, below which it only looks late.
-    """
+    """Bounds, longest step (m,) and gate of theta (m,); below `least_lag` the line sensor only looks late."""
 
     lowest: Vector
     highest: Vector
@@ -66,8 +60,8 @@ class Limits:
 def theta_limits(c: Coefficients, needle: NeedleLaw | None = None, is_fitted: bool = False) -> Limits:
     """Limits of theta (m,); a pilot valve may lose all of its flow, a needle by commands its bounce, but not more.
 
-    Where the lift is recorded, no event tells of the needle's own numbers: they are not among the gated. Where it is
-    not, what a fitted line leaves looks like a sensor that is a little late, and delays of the needle make up for it.
+    The needle's own numbers are gated only where it answers commands, which tell of them. There, what a fitted line
+    leaves looks like a late sensor, and delays of the needle make up for it.
     """
     lowest, highest = SCALARS.bounds(c.pressure_scale)
     lowest[Parameter.CONTROL_FLOW] = -c.line.control_flow / c.line.a1
@@ -101,11 +95,10 @@ class EventFitter:
     unused: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     def fit(self, start: EventRun, prior: Belief, iterations: int) -> Fit:
-        """Minimise cost and distance from the prior, at most so many steps from `start`.
+        """Minimise cost and distance from the prior, in at most so many steps from `start`.
 
-        A step that lowers the total as its slopes say is the last: there is nothing to be learned from repeating it.
-        One that does not lower it is halved, and at last not taken. A sensor that only looks late is taken to be in
-        time. Raises numpy.linalg.LinAlgError when singular.
+        The last step is one that lowers the total as its slopes say. One that does not lower it is halved, and at
+        last not taken. A sensor that only looks late counts as in time. Raises LinAlgError when singular.
         """
         fit = self._fit(start, prior, iterations, self.limits.gate)
         if _LAG in fit.active and fit.run.theta[_LAG] < self.limits.least_lag:
@@ -152,7 +145,6 @@ class EventFitter:
         return Fit(here, active, stuck)
 
     def _within_reach(self, here: Vector, target: Vector) -> Vector:
-        """The target, or the point towards it up to which the slopes hold; within bounds."""
         length = np.max(np.abs(target - here) / self.limits.longest_step)
         reached = here + (target - here) / max(1.0, float(length))
         return np.asarray(np.clip(reached, self.limits.lowest, self.limits.highest), np.float64)
@@ -167,19 +159,15 @@ class Evidence(NamedTuple):
 
 
 def evidence_of(run: EventRun, prior: Belief, limits: Limits, columns: Ints) -> Evidence:
-    """Integrates exp(-cost) over a Gaussian prior of some columns (k,), the cost a parabola round where it was run.
+    """Integrates exp(-cost) over a Gaussian prior of columns (k,), the cost a parabola round where it was run.
 
-    What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it
-    counts. Raises numpy.linalg.LinAlgError when singular.
+    A promise beyond the limits, or further than slopes hold, counts for `BEYOND`. Raises LinAlgError when singular.
     """
     return Evidence(*integrate_cost(run, limits, prior, columns, BEYOND))
 
 
 def nearly_white(clipped: PhaseStatistics, temper: float, healthy: Healthy) -> float:
-    """Nats by which innovations are more likely, being nearly white, by sums over clipped ones.
-
-    temper: what events scatter beyond noise; healthy: whose innovations are louder than noise, too.
-    """
+    """Nats by which innovations are more likely, being nearly white, by sums over clipped ones; temper: scatter."""
     squares, count = _sums(clipped)
     squares /= temper
     usual = np.concatenate(((NEARLY_WHITE * healthy.variance)[None], NEARLY_WHITE_BLOCKS * healthy.colour.T))
@@ -202,11 +190,11 @@ def at_fault(statistics: PhaseStatistics, temper: float) -> float:
 
 
 def _gain(squares: Matrix, loud: Matrix, count: Matrix) -> Matrix:
-    """Nats by which squares are more likely of so many numbers that are louder than noise; 0 of none."""
+    """Nats by which so many squares are likelier if louder than noise; 0 without any."""
     return 0.5 * squares * (1.0 - 1.0 / loud) - 0.5 * count * np.log(loud)
 
 
 def _sums(statistics: PhaseStatistics) -> tuple[Matrix, Matrix]:
-    """Squares and how many of them, (1 + len(BLOCKS), PHASES): of samples and of blocks of every length."""
+    """Squares and their numbers (1 + len(BLOCKS), PHASES), of samples and of blocks of every length."""
     squares = np.concatenate((statistics.squares[None], statistics.block_squares.T))
     return squares, np.concatenate((statistics.samples[None], statistics.blocks.T))

@@ -1,8 +1,8 @@
 """What a fitted model leaves of a healthy injector, and its shape: observer and `discover` do not object to it.
 
-No model of a real line is exact. What it leaves of the healthy injector comes back in every injection: one course
-after the needle leaves its seat, one after it is back on it, both changing with the rail pressure. With it taken out,
-an injector is compared with the healthy one instead of with the model.
+No model of a real line is exact: after the needle leaves its seat, and after it is back, it leaves a course that
+comes back in every injection and changes with the rail pressure. Without it, an injector is compared with the healthy
+one.
 """
 
 import math
@@ -31,8 +31,8 @@ _at = partial(np.interp, xp=KNOTS, left=0.0, right=0.0)  # times, fp: course
 SPREAD = 0.6  # standard deviation of a knot before anything was measured, in sigma of an innovation
 _DIGITS = 5  # of MPa: 10 Pa
 EDGES = (Phase.OPENING, Phase.CLOSING)
-# Mean square of single samples at an edge that a fitted model may leave: where the lift has a corner between two
-# samples, the flow scatters, and more so in injections that were not fitted. A biased mass shows in means of blocks.
+# Mean square of single samples at an edge that a fitted model may leave: the flow scatters where the lift has a
+# corner, and more in injections not fitted. A biased mass shows in means of blocks.
 SCATTER = 2.0
 _FOR_NAMING = ("shape", "appears", "line_pressure_offset_MPa")
 SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still holds: blocks count samples
@@ -108,7 +108,6 @@ def stretch_of(window: Window, c: Coefficients, interval: float) -> EventStretch
 
 
 def _rail_pressure(window: Window, c: Coefficients) -> float:
-    """Before the event [Pa]."""
     before = float(window.inputs[min(window.opening, len(window.inputs) - 1), 0])
     return before * c.pressure_scale + c.chamber_pressure
 
@@ -155,7 +154,7 @@ class ShapeFit:
     """The shape that explains innovations of healthy recordings best: least squares with a prior on every knot."""
 
     def __init__(self, recordings: Sequence[Seen], sigma: float) -> None:
-        """recordings: the events of each; sigma: standard deviation of an innovation [Pa]."""
+        """recordings: events of each; sigma: standard deviation of an innovation [Pa]."""
         self._parts = [_normal_equations(seen) for seen in recordings]
         self._sigma = sigma
 
@@ -186,7 +185,7 @@ def _normal_equations(seen: Seen) -> tuple[Floats, Floats]:
 
 
 def _hats(after: Floats) -> Floats:
-    """Weights of the knots (n, knots) of a course that is straight between them, at times (n,) [s]."""
+    """Weights (n, knots) of a course that is straight between its knots, at times (n,) [s]."""
     result = np.zeros((after.size, KNOTS.size))
     rows = np.flatnonzero((after >= KNOTS[0]) & (after < KNOTS[-1]))
     before = np.searchsorted(KNOTS, after[rows], "right") - 1
@@ -268,10 +267,7 @@ def with_remainder(healthy: Healthy, remainder: Remainder | None, sample_rate: f
 def healthy_for_naming(
     left: Baseline | HealthyRemainder, adequate: bool, rate: PhaseStatistics | None = None
 ) -> Healthy:
-    """Healthy injector for `discover`; a `Baseline` gives variance and colour only.
-
-    adequate: whether the model explains the healthy injector; rate: innovations of its measured rate.
-    """
+    """Healthy injector for `discover`; a `Baseline` gives only variance and colour; rate: innovations of its rate."""
     kept_fields = {} if isinstance(left, Baseline) else {name: getattr(left, name) for name in _FOR_NAMING}
     variance, colour = at_least_noise(left.variance)[:, 0], at_least_noise(left.colour, left.colour)
     return Healthy(variance, colour, adequate=adequate, rate=rate, **kept_fields)

@@ -1,8 +1,7 @@
-"""Hypotheses: the table of kinds of events, a row for each kind of change, and the velocity of wear that moves on.
+"""Hypotheses: the kinds of events, a row for each kind of change, and the velocity of wear that moves on.
 
-An augmented Kalman filter follows the velocity beside theta, from the beliefs before and after events: theta moves by
-it, and it changes little. No further run of the model is needed. A random walk without it lags half a percent behind
-a drift.
+An augmented Kalman filter follows the velocity beside theta, from the beliefs before and after events: a random walk
+without it lags half a percent behind a drift. It needs no further run of the model.
 """
 
 import math
@@ -19,7 +18,7 @@ from observer_rt.model.effective import LAG_UNIT
 
 # Prior probability an event. Rates are not sensitive, for evidence is tens to thousands of nats: with ten times more,
 # or a hundredth, 3 of 355 injections are judged otherwise. M: measured on plants that share no code with the
-# observer; P: physics; I: information, a consequence of the noise or of Bayes' rule.
+# observer; P: physics; I: a consequence of the noise or of Bayes' rule.
 QUICK_BEGINS, QUICK_ENDS = 1 / 40, 1 / 50  # M: without, 60 of 80 valid in a drift for 76, and .53 covered for .99
 CHANGES = 1 / 1000  # of a sensor; half as many small ones of nozzle and seat (M: without these, 57 for 61)
 LINE_CHANGES = 1 / 3000
@@ -73,10 +72,7 @@ class Drift:
 
 
 def drift_of(belief: Belief, usual: Matrix, velocity: Velocity | None, goes_on: float = 1.0) -> Drift:
-    """Drift of a belief by one event; usual: standard deviations (m,) of usual drift; velocity: None if it begins.
-
-    goes_on: probability that wear moves on with that velocity, and did not begin to move with this event.
-    """
+    """Drift by one event; usual: standard deviations (m,); goes_on: probability that wear keeps its velocity."""
     flows = list(FLOWS)
     begun = np.diag((SPEED * usual[flows]) ** 2)
     if velocity is None:
@@ -164,10 +160,7 @@ UNLIKE_BEFORE = (CHANGED, OTHER_INJECTOR)
 
 
 def transitions(mode: Mode, is_prior: bool, has_lift: bool) -> Iterator[tuple[Kind, float]]:
-    """Kinds of the next event and their probabilities; is_prior: nothing was learned yet that could change.
-
-    has_lift: it is recorded, else the needle is known by its commands.
-    """
+    """Kinds of the next event and their probabilities; is_prior: nothing learned yet; has_lift: it is recorded."""
     begins = {QUICK: QUICK.rate, AT_FAULT: AT_FAULT.rate, INADEQUATE: INADEQUATE.rate}
     stays, of_fault = STAYS[mode], AT_FAULT.rate + INADEQUATE.rate
     if mode is Mode.QUICK:

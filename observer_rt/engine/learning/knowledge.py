@@ -1,10 +1,8 @@
 """Knowledge of the observer: the state of learning, the parameters in force, and the outcome of an event.
 
-Each tracker is a frozen class in a module of its own, with a method `after` that returns its next value, and is one
-field here; the state file keeps it by the names of its fields. Nothing writes into the arrays.
-
-A quasi-likelihood: what an event says of the parameters counts for less by the factor by which such events were seen
-to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
+Each tracker is a frozen class with a method `after` that returns its next value, and is one field, kept by its name
+in the state file. Nothing writes into the arrays. Where events of a kind were seen to differ, each says less by that
+factor (quasi-likelihood: McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
 """
 
 import math
@@ -98,7 +96,6 @@ def _within(factor: float) -> float:
 
 
 def _ratio(score: float) -> float:
-    """Ratio of a score to the usual one, LARGEST_RATIO at most."""
     return min(score / USUAL_SCORE, LARGEST_RATIO)
 
 
@@ -167,10 +164,7 @@ class LearningState:
         return replace(self, account=replace(self.account, learned=change(self.learned)))
 
     def begun(self, interval: float, overdispersion: float) -> "LearningState":
-        """State at the start of a run with samples of an interval [s]; overdispersion: of the healthy injector.
-
-        With another interval than before the trackers begin anew, for they count in samples.
-        """
+        """State at the start of a run; with another interval [s] trackers begin anew, for they count samples."""
         if math.isclose(self.interval, interval, rel_tol=SAME_RATE):
             return replace(self, standstill=None)
         return LearningState(

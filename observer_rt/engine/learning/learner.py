@@ -1,8 +1,7 @@
 """Learning between events: everything jointly, by prediction error, as a posterior over what an event may be.
 
-The outcome of an event is its mass, how well that is known, and the state carried on. The mass is that by the event's
-own pressures: the mean over all that explains them. What disturbances are followed by moves only while events are
-explained.
+The outcome of an event is its mass by its own pressures (the mean over all that explains them), how well that is
+known, and the state carried on. Trackers of disturbances move only while events are explained.
 """
 
 import math
@@ -46,7 +45,7 @@ class Learner:
     """Learns event after event. Pure: no clock, no thread; the caller decides where it runs."""
 
     def __init__(self, constants: Constants, knowledge: Knowledge, healthy: Healthy = NOT_FITTED) -> None:
-        """constants: at the start; healthy: what the model leaves unexplained of a healthy injector."""
+        """constants: at the start; healthy: innovations that the model leaves of a healthy injector."""
         gains_for = lru_cache(maxsize=SCHEDULES)(gain_schedule)
         c, interval, calibration = constants.coefficients, constants.interval, constants.calibration
         limits = theta_limits(c, constants.needle, healthy.shape is not None)
@@ -61,10 +60,9 @@ class Learner:
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
-        """Go on by one event, during which `in_force` (m,) was carried; its constants, None: as at the start.
+        """Go on by one event, during which `in_force` (m,) was carried; constants: its own, None: as at the start.
 
-        An event that cannot be read changes no more of the state than noise levels and standstill. Whatever its
-        numbers are, and wherever they lead, it is refused at worst.
+        A bad event is refused at worst; one that cannot be read changes no more than noise levels and standstill.
         """
         event = ClosedEvent(window, standstill, in_force, constants or self._constants)
         try:
@@ -77,10 +75,7 @@ class Learner:
 
 
 def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:
-    """Learn from one event; the outcome's knowledge has the state to go on from.
-
-    Raises ArithmeticError, ValueError by impossible numbers.
-    """
+    """Learn from one event. Raises ArithmeticError, ValueError by impossible numbers."""
     window, standstill = event.window, event.standstill
     if standstill.noise is not None:
         state = _with_noise(state, standstill.noise)
@@ -96,7 +91,7 @@ def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> O
 
 
 def _with_noise(state: LearningState, noise: NoiseLevels) -> LearningState:
-    """Sets the noise levels from an event on; statistics by levels that differ by much do not count on."""
+    """Sets the noise levels from an event on; statistics by very different levels do not count on."""
     before = state.noise
     ratios = (noise.rail_pressure / before.rail_pressure, noise.line_pressure / before.line_pressure)
     if any(abs(math.log(ratio)) > math.log(OTHER_NOISE) for ratio in ratios):
@@ -112,7 +107,6 @@ def _with_first_offset(learned: LearnedInjector, offset: float) -> LearnedInject
 
 
 def _failed(state: LearningState, event: ClosedEvent, objection: Objection, reader: EventReader) -> Outcome:
-    """Outcome of an event that nothing was learned from."""
     return Outcome(
         adoption=Adoption.FAILED,
         knowledge=Knowledge(state, event.in_force),
@@ -125,10 +119,7 @@ def _failed(state: LearningState, event: ClosedEvent, objection: Objection, read
 
 
 def shares_of(mass: EventMass, explained: ExplainedEvent, systematic: float) -> Shares:
-    """How well the mass of an event is known.
-
-    systematic: share that the model gets wrong of a healthy injector, or far from where it was learned.
-    """
+    """How well a mass is known; systematic: share that the model gets wrong, as far from where it was learned."""
     by_belief = mass.variance(explained.account.learned.gated.covariance)
     by_stated = by_belief + mass.by_inputs + systematic**2
     moved, mixed = _between(mass, by_belief, explained)
@@ -232,7 +223,7 @@ def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> Floats:
 
 
 def _ahead(theta: Theta, explanation: Explanation, velocity: kinds.Velocity, reader: EventReader) -> Theta:
-    """Theta (m,) to carry where wear moves on: ahead of what was learned, for it is carried later."""
+    """Theta (m,) to carry where wear moves on: ahead of the theta learned, for it is carried later."""
     theta = theta.copy()
     theta[list(FLOWS)] += AHEAD * explanation.weight * velocity.mean
     return np.clip(theta, reader.limits.lowest, reader.limits.highest)
@@ -263,10 +254,7 @@ def look_alikes_in(explained: ExplainedEvent, reader: EventReader) -> LookAlikes
 def _with_coil(
     state: LearningState, explained: ExplainedEvent, reader: EventReader
 ) -> tuple[LearningState, bool, bool]:
-    """Whether energizing the coil shows in an event that had all of it, and whether it is taken out from now on.
-
-    Then what was learned so far was of other line pressures than those that come.
-    """
+    """State after an event; True if the coil's pulse shows in it; True if learning begins anew without it."""
     explanation, reading = explained.lead, explained.lead.reading
     energizing, is_disturbed = state.energizing.after(
         explained.window._replace(output=explained.recorded.output),

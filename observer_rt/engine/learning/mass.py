@@ -20,8 +20,7 @@ from observer_rt.foundation.units import Z_95, Floats
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import OF_NOZZLE, activations
 
-# Error of the rate (one sigma) as a share of its change from sample to sample: between samples the inputs are not
-# straight lines, least of all where the needle leaves its seat and comes back.
+# Error of the rate (one sigma) as a share of its change over a sample: inputs are no straight lines at edges.
 HOLD_SHARE = 0.06
 # s (one sigma): uncertainty of the time at which two injections part, at the least flow between them.
 PARTING = 20e-6
@@ -103,10 +102,7 @@ def resimulated(
 
 
 def with_shots(event: Resimulation, window: Window, delays: ShotDelays) -> Resimulation:
-    """An event whose shots answered commands, each by delays of its own, which go with theta and are known so well.
-
-    What a delay moves is taken for the flow of its own shot.
-    """
+    """An event whose shots answered commands: what a delay moves is taken for the flow of its own shot."""
     assert window.needle is not None
     opened = window.commands[:, 0] + window.needle.opening_delay / event.interval
     shot = np.searchsorted(opened, np.arange(event.run.rate.size), side="right") - 1
@@ -169,10 +165,7 @@ def stroke_in(event: Resimulation, window: slice) -> NeedleStroke | None:
 
 @dataclass(frozen=True, eq=False)
 class EventMass:
-    """Volume [m3] of an event, run again with theta (m,), and its slopes (m,), as shares of it.
-
-    flows_until: sample from which on nothing was injected.
-    """
+    """Volume [m3] of an event run with theta (m,), its slopes (m,) as shares; no flow after `flows_until`."""
 
     window: Window
     setting: Setting
@@ -211,10 +204,7 @@ class EventMass:
 
 
 class Shares(NamedTuple):
-    """Standard deviations of a volume, as shares of it: by belief, inputs and model alone, and in all.
-
-    moved: share by which the mean over all explanations is larger than the volume by the leading one.
-    """
+    """Standard deviations of a volume, as shares of it; moved: by which the mean over explanations is larger."""
 
     from_belief: float
     total: float
@@ -244,7 +234,6 @@ def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulation)
 
 
 def _part(window: Window) -> slice:
-    """Samples in which something is injected."""
     return slice(max(window.opening - LEAD_SAMPLES, 0), window.output.size)
 
 
@@ -273,8 +262,8 @@ def opening_points(window: Window, interval: float) -> tuple[EventPoint, ...]:
 def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> float:
     """Standard deviation 0 .. 1 of a model's error at a point after events elsewhere, over that with no event, 1.
 
-    By a Gaussian process of unit variance, whose covariance falls off with the squared distance over `REACH`:
-    Rasmussen, Williams, Gaussian Processes for Machine Learning, equation (2.26).
+    By a Gaussian process of unit variance, covariance falling off with the squared distance over `REACH` (Rasmussen,
+    Williams, Gaussian Processes for Machine Learning, equation (2.26)).
     """
     if not learned_at:
         return 1.0
@@ -337,11 +326,10 @@ def known_flow(
 ) -> KnownFlow:
     """Range of the flow that is known with theta (m,), whose error has the covariance (m, m).
 
-    `event`, the last one, at a point, shows how its injected volume changes with theta. The fuller the sac, the
-    larger is the nozzle's share of that: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. N_H depends on the
-    rail pressure: a bin of that is known if the error of the flow there is small enough, for as long as openings near
-    it were, since what was learned failed last: theta that was moved at one combination of pressure and time may have
-    become worse at others. It is known without end if what was learned held at new points.
+    `event`, the last one, shows how its volume changes with theta. The nozzle's share of that grows with the sac's
+    filling: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. A bin of rail pressure is known if the flow's
+    error there is small, for as long as openings near it were since learning last failed: theta moved at one pressure
+    and time may be worse at others. It is known without end if learning held at new points.
     """
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.log_open_time)
     states = np.array([pressures, np.zeros_like(pressures), FULL * pressures])
@@ -355,10 +343,7 @@ def known_flow(
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), FULL)
 
     def sigma(fullness: float, by_rail: Floats | float = 0.0) -> Floats:
-        """Standard deviation of a flow, as a share, its slopes interpolated between the event's and a full sac's.
-
-        by_rail: slopes of a full sac at other rail pressures less those at the event's.
-        """
+        """Relative sigma of a flow, slopes interpolated between event and full sac; by_rail: their change."""
         share = (fullness - filled) / (1.0 - filled)
         slopes = here + share * (full - here) + fullness * by_rail
         return np.asarray(np.sqrt(np.maximum(((slopes @ covariance) * slopes).sum(axis=-1), 0.0)))
@@ -394,7 +379,7 @@ def nozzle_change(
 ) -> tuple[Vector, Matrix]:
     """Relative change (...) of the nozzle flow at states x (3, ...) and inputs u (2, ...); slopes (..., m).
 
-    (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d, v_H of (27). since: needle open for so many s.
+    (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d, v_H of (27). since [s]: the needle is open.
     """
     sigmas, area = activations(x, (u[0], u[1], since))[..., :OF_NOZZLE], u[1]
     factor = 1.0 + theta[_NOZZLE] + sigmas @ theta[WEIGHTS[:OF_NOZZLE]]

@@ -1,8 +1,7 @@
 """Noise of an event: its colour, and stretches that may be off.
 
-A high pass, which takes their slow part away, and an autoregressive filter make coloured innovations white. Without
-the samples of a stretch that is held or loud (`Window.masked`) an event is weighed once more, beside the event as it
-is, and pays for what they are instead.
+A high pass and an autoregressive filter make coloured innovations white. An event is weighed once more without a
+stretch that is held or loud (`Window.masked`), and pays for that instead.
 """
 
 import math
@@ -32,11 +31,10 @@ LOUDEST = 4.0  # times the mean square of those before, or of the newest: no eve
 GONE = 30.0  # times the mean square of the newest: what was so loud before is over, and tells nothing of it
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
 QUIET = 0.7  # of the expected standard deviation
-# Of the BIC, within which the fastest high pass is taken: hum that keeps step with the events is steeper elsewhere
-# than at rest.
+# BIC within which the fastest high pass is taken: hum in step with the events is steeper than at rest.
 ABOUT_AS_GOOD = 20.0
-# The BIC goes by single samples, which pink noise leaves almost white; events are judged by means of blocks. A filter
-# that leaves more in these is none, if any leaves less: half-way to what is refused, with half of its certainty.
+# The BIC goes by samples, which pink noise leaves almost white; events go by means of blocks. A filter that leaves
+# more in these is out if any leaves less: half-way to a refusal, with half its certainty.
 MOST_LEFT = 1.3
 LEFT_SIGNIFICANT = 2.5
 LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
@@ -64,10 +62,7 @@ class CleanWindow:
 
 
 def loudness(window: Window, innovations: Vector, sigmas: Sigmas, first: int) -> float:
-    """Factor by which most innovations (n,) at rest, from sample `first` on, are larger than expected; 1 at least.
-
-    A noise whose level is not known yet has no outliers by the level that is.
-    """
+    """Factor, 1 at least, by which most innovations (n,) at rest, from `first` on, exceed their sigma."""
     resting = innovations[first:][window.resting[first:]]
     if resting.size < FEWEST:
         return 1.0
@@ -88,10 +83,7 @@ def mask_of(window: Window) -> Bools:
 
 
 def without_stretches(window: Window, innovations: Vector, sigmas: Sigmas, first: int) -> CleanWindow | None:
-    """The event without samples better explained as held or loud than by their innovations (n,); None: all count.
-
-    Those before sample `first` do not count.
-    """
+    """The event without samples better explained as held or loud than by their innovations (n,), or None."""
     before = mask_of(window)
     louder = loudness(window, innovations, sigmas, first)
     sigmas = Sigmas(louder * sigmas.innovation, louder * sigmas.noise)
@@ -128,10 +120,9 @@ class Whitening:
     taps: Floats  # a (p,)
 
     def of(self, values: Floats, masked: Bools = NONE_MASKED) -> Floats:
-        """Innovations (n,) or their slopes (n, m), whitened; the filter is linear, and the same for both.
+        """Innovations (n,), or slopes (n, m), whitened: linear, the same for both; the first value becomes 0.
 
-        The first value becomes 0, as that of innovations is. masked: (n,) where there is no value, or (0,): the value
-        that is expected there is taken, and 0 comes out until all taps lie on values again.
+        masked (n,), or (0,): where the expected value stands in, with 0 out until all taps lie on values again.
         """
         columns = values.reshape(values.shape[0], -1)
         result = np.empty_like(columns)
@@ -161,10 +152,7 @@ def is_same(first: Colour | None, second: Colour | None) -> bool:
 
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
-    """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`.
-
-    Masked samples end them, because gaps would add a colour of their own.
-    """
+    """Slices from `first` on, at least `shortest` long, with the needle long shut; masked samples end them."""
     # No sample rests before the first one, nor after the last.
     resting = np.zeros(window.resting.size + 2, np.bool_)
     resting[1 + first : -1] = window.resting[first:]
@@ -182,10 +170,7 @@ def _choices(interval: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RestingNoise:
-    """Statistics of innovations at rest, older events counting less; from them the filter that makes them white.
-
-    By high pass, in samples of one interval: products of neighbours, and by lag.
-    """
+    """Statistics of innovations at rest by high pass and lag, from which comes the filter that makes them white."""
 
     products: Floats = field(default_factory=lambda: np.zeros((_HIGH_PASSES, ORDERS + 1, ORDERS + 1)))
     by_lag: Floats = field(default_factory=lambda: np.zeros((_HIGH_PASSES, LAGS)))
@@ -203,10 +188,7 @@ class RestingNoise:
         return RestingNoise(products, by_lag, count)
 
     def _weights(self, segments: Sequence[Floats], choices: Floats) -> tuple[float, float]:
-        """Factors that make up for how loud an event is: of its innovations, and of the squares before it.
-
-        By what the slowest high pass lets through: levels differ from event to event.
-        """
+        """Factors that make up for loudness, which differs by event: of its innovations, and of squares before it."""
         if not (segments and self.count > 0.0):
             return 1.0, 1.0
         passed = np.concatenate([high_passed(values, choices[1]) for values in segments])
@@ -220,9 +202,8 @@ class RestingNoise:
     def colour(self, before: Colour | None, interval: float, expected: float = 0.0) -> Colour | None:
         """Filter that explains the innovations best by the BIC, None where white noise does about as well.
 
-        before: what it was, and stays where too little was seen; interval: of samples [s]; expected: standard
-        deviation of innovations by the noise levels [p_0]. Much quieter values are arithmetic, not noise, of a
-        recording without noise.
+        `before` stays where too little was seen; interval [s] of samples; expected: standard deviation by the noise
+        levels [p_0]: much quieter values are arithmetic of a recording without noise.
         """
         if self.count <= 2 * ORDERS:
             return before
@@ -244,10 +225,7 @@ class RestingNoise:
         return Colour(whitening, interval, math.sqrt(variances[choice, order]))
 
     def _best_orders(self, criteria: Floats) -> tuple[Ints, Floats]:
-        """Best order of each high pass, and its BIC: the least of the filters that leave no colour.
-
-        criteria: (choices, orders), BIC. Without such a filter those with.
-        """
+        """Best order of each high pass by criteria (choices, orders), and its BIC: without a colour left, if any."""
         orders, least = np.argmin(criteria, axis=1), np.full(len(criteria), np.inf)
         for choice, by_order in enumerate(criteria):
             for order in np.argsort(by_order):
@@ -257,7 +235,7 @@ class RestingNoise:
         return orders, least if np.isfinite(least).any() else np.min(criteria, axis=1)
 
     def _is_colour_left(self, choice: int, order: int) -> bool:
-        """Whether means of blocks of what a filter leaves vary more than they may."""
+        """True if means of blocks behind a filter vary more than they may."""
         filtering = np.append(1.0, self._taps(choice, order))
         variance = self._variance_of(choice, filtering)
         for length in BLOCKS:
@@ -268,7 +246,6 @@ class RestingNoise:
         return False
 
     def _variance_of(self, choice: int, weights: Floats) -> float:
-        """Variance of a weighted sum of neighbouring innovations behind a high pass."""
         products = np.correlate(weights, weights, "full")[weights.size - 1 :]
         products[1:] *= 2.0
         return float(products @ self.by_lag[choice, : weights.size]) / self.count
@@ -279,10 +256,7 @@ class RestingNoise:
 
 
 def _residual_variances(covariances: Floats) -> Floats:
-    """Variances of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
-
-    Their first row is that of the newest.
-    """
+    """Variances (c, m) of the newest value, given none of those before it, one, .., by covariances (c, m, m)."""
     factors = np.linalg.cholesky(covariances[:, _LAST_FIRST[:, None], _LAST_FIRST])
     explained = np.cumsum(factors[:, -1, :-1] ** 2, axis=1)
     variances = np.repeat(covariances[:, 0, :1], covariances.shape[1], axis=1)

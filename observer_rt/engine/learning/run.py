@@ -54,10 +54,9 @@ class ShotDelays(NamedTuple):
 class EventRun:
     """An event run with theta (m,): the innovations, and the cost as a parabola round theta.
 
-    value: of the cost; gradient (m,), information (m, m): of the parabola, by Gauss and Newton; innovations (n,):
-    whitened; unfiltered (n,): with the colour of the noise; slopes, unfiltered_slopes (n, m): of both; jitter: delays
-    of the shots beyond those of theta, (2 shots,) in standard deviations, that explain most; delays: the shots' where
-    the parabola touches, None where the lift is recorded, or the cost is not finite.
+    gradient (m,), information (m, m): by Gauss and Newton; innovations (n,): whitened; unfiltered (n,): with their
+    colour; slopes, unfiltered_slopes (n, m); jitter (2 shots,): delays beyond theta's, in standard deviations, that
+    explain most; delays: where the parabola touches, None where the lift is recorded, or the cost is not finite.
     """
 
     theta: Floats
@@ -102,11 +101,9 @@ class EventRun:
         return replace(self, value=value, gradient=gradient, information=information)
 
     def score(self, covariance: Floats) -> float:
-        """Score test of a belief with this covariance (m, m) and its mean here: chi2 over its degrees of freedom.
+        """Score test of a belief with covariance (m, m) and its mean here: chi2 over degrees of freedom, 1 if right.
 
-        The expected value is 1 when the belief is right. Only directions that the event informs count as degrees of
-        freedom: parameters that it cannot separate, or does not touch, add none. The sensor's gain, which is held,
-        is left out.
+        Only directions the event informs count as degrees of freedom; the sensor's gain, held, is left out.
         """
         tested = np.flatnonzero(np.arange(covariance.shape[0]) != _GAIN)
         before, _ = inverse_of(covariance.take(tested, 0).take(tested, 1))
@@ -129,15 +126,13 @@ class _Innovations(NamedTuple):
 class EventCost:
     """J(theta) = robust sum of (e~/sigma)^2 / 2 over one event.
 
-    Innovations of the first `burn_in` samples do not count: x~ started with another theta. Coloured ones and their
-    slopes are whitened first; a high pass hides the sensor's offset, so the offset at rest is counted beside them.
-    On a line of cells means over its `resolved` count, as in a fit: else the nozzle would make up for what cells do
-    to shorter waves.
+    The first `burn_in` innovations do not count: x~ started with another theta. Coloured ones and their slopes are
+    whitened first; a high pass hides the sensor's offset, so that at rest counts beside them. On a line of cells
+    means over its `resolved` count, as in a fit: else the nozzle would make up for what cells do to shorter waves.
 
-    sigma: standard deviation of white innovations [p_0]; whitening: of coloured ones, None if they are white; offset:
-    mean of line over rail pressure at rest [p_0], None if no rest was seen; temper: divisor of J; shape: mean
-    innovation of the healthy injector, which is taken out, None: 0; columns: of theta by which slopes are computed,
-    the others are 0.
+    sigma: of white innovations [p_0]; whitening: of coloured ones, or None; offset: mean of line over rail pressure
+    at rest [p_0], or None; temper: divisor of J; shape: mean innovation of the healthy injector, which is taken out;
+    columns: of theta whose slopes are computed, the others being 0.
     """
 
     window: predictor.Window
@@ -212,7 +207,6 @@ class EventCost:
         return values if self.whitening is None else self.whitening.of(values, self.window.masked)
 
     def _wide(self, values: Floats) -> Floats:
-        """Values (.., k) by `columns` among those by all of theta (.., m), which are 0 for the others."""
         if self.columns.size == EVERY.size:
             return values
         wide = np.zeros((*values.shape[:-1], EVERY.size))
@@ -221,7 +215,6 @@ class EventCost:
 
     @cached_property
     def _together(self) -> int:
-        """Samples whose mean counts."""
         resolved: float = self.setting.coefficients.line.resolved
         return max(1, round(resolved / self.setting.interval))
 
@@ -293,7 +286,6 @@ class EventCost:
         return followed
 
     def _slopes(self, theta: Floats, columns: Ints, jitter: Floats) -> tuple[_Innovations, Floats]:
-        """Run the event with theta (m,) and delays of its shots; slopes by columns (k,) of theta and by delays."""
         setting, unfiltered = self.setting, np.empty(self.window.output.size)
         window = self.window.with_jitter(jitter * NEEDLE_JITTER, setting.interval)
         slopes = np.empty((unfiltered.size, columns.size + jitter.size))
@@ -309,8 +301,7 @@ class EventCost:
     def _move_shots(self, followed: _Innovations, by_shots: Floats) -> tuple[_Innovations, ShotDelays | None, bool]:
         """One Gauss-Newton step of the shots' delays, by slopes (n, k) of the innovations.
 
-        Returns the delays, None where an innovation is not finite, and whether the step was small enough to be
-        linear: then the innovations have been moved along.
+        Returns the delays (None: an innovation is not finite), and True if so small that the innovations moved along.
         """
         unfiltered, innovations, jitter = followed
         if not np.isfinite(innovations).all():

@@ -1,9 +1,8 @@
 """Verdict on an event: all that speaks against it, as lists of rules.
 
-Before any fit: pressures that are not of rail and line, or beyond laws in force. After it, look-alikes of wear that
-theta cannot hold (the coil, sensors, an inertance), whatever the posterior says, and what the account leaves open. A
-change is reported, and refuses nothing; what refuses is that nothing explains the event, or that its explanations
-leave the mass open.
+Before any fit: pressures that are not of rail and line, or beyond laws in force. After it: look-alikes of wear (coil,
+sensors, inertance), whatever the posterior says, and what the account leaves open. A change is reported, and refuses
+nothing; events are refused that nothing explains, or whose explanations leave the mass open.
 """
 
 import math
@@ -70,7 +69,7 @@ def _are_swapped(_: LearningState, event: ClosedEvent, reader: EventReader) -> b
 
 
 def _is_unseen(_: LearningState, event: ClosedEvent, reader: EventReader) -> bool:
-    """Whether line pressures lie beyond those at which laws in force were seen, but for single samples."""
+    """True if line pressures lie beyond those at which laws in force were seen, but for single samples."""
     lowest, highest = reader.healthy.seen
     if lowest == -highest:  # anywhere
         return False
@@ -117,8 +116,8 @@ LOOK_ALIKES = (
 def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader) -> LearnedFacts:
     """Facts of an event that was explained.
 
-    Innovations that recent events leave alike, a little too loud or coloured, speak against the model together: in
-    each by itself that is no more likely than noise, for an event at fault pays for its loudness anew.
+    Innovations a little too loud or coloured in recent events speak against the model together: each by itself is no
+    more likely than noise, for an event at fault pays for its loudness anew.
     """
     window, learned, scale = explained.window, explained.account.learned, reader.pressure_scale
     theta = learned.theta
@@ -189,10 +188,10 @@ def verdict_of(
 
 
 def _moved_in_time(explained: ExplainedEvent) -> float:
-    """Probability that the needle, by commands, moves at other times than the belief has it: a late line sensor's.
+    """Probability that a needle by commands moves at other times than the belief has it, as with a late sensor.
 
-    After the first event a small lag is as likely none, and a bounce that a lag could still replace is as likely a
-    lag: a needle that does bounce differs from it at once.
+    After the first event a small lag is as likely none, and a bounce that a lag could replace as likely a lag; a
+    needle that does bounce differs at once.
     """
     learned, rival = explained.account.learned, explained.account.rival
     is_later = explained.window.needle is not None and not explained.lead.before.is_prior
@@ -208,7 +207,7 @@ def _moved_in_time(explained: ExplainedEvent) -> float:
 
 
 def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
-    """Reason of an event that is what an explanation says, after which theta (m,) is believed."""
+    """Reason of an event explained so, after which theta (m,) is believed."""
     if explanation.kind is kinds.SENSOR_CHANGED:
         moved = np.abs(theta - explanation.before.theta) / wide
         is_lag = moved[Parameter.SENSOR_LAG] > moved[Parameter.LINE_PRESSURE_OFFSET]

@@ -39,10 +39,7 @@ def post_examined(
     is_coloured: bool = False,
     earlier: Outcome | None = None,
 ) -> None:
-    """Post what speaks against the `number`-th closed event; is_coloured: whether the noise is.
-
-    earlier: what was learned from an event before, to be put into force with this one.
-    """
+    """Post objections to the `number`-th closed event; earlier: outcome of one before, to put into force with it."""
     if earlier is not None:
         _write_learned(observer, SLOTS + number % SLOTS, earlier)
         observer.verdicts[number % SLOTS]["earlier"] = number + 1
@@ -56,7 +53,6 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
 
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
-    """Write an outcome into a slot."""
     verdict = observer.verdicts[slot]
     _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known_flow)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
@@ -76,7 +72,7 @@ def _post(observer: Observer, number: int, kind: str, objections: Sequence[Objec
 
 
 def _at_rest(observer: Observer, number: int) -> float:
-    """Mean square of the innovations at rest, of half as many samples before an event's end as are remembered."""
+    """Mean square of the innovations at rest, of half the remembered samples, before an event's end."""
     end = int(observer.events[number % PENDING_EVENTS]["end_position"]) + 1
     rows = observer.ring[np.arange(max(end - RING // 2, 0), end) % RING]
     at_rest = rows["innovation"][rows["resting"] & (rows["innovation"] != 0.0)]  # 0 where nothing was measured
@@ -86,7 +82,7 @@ def _at_rest(observer: Observer, number: int) -> float:
 def _write(
     observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known_flow: KnownFlow
 ) -> None:
-    """Write what the stream is to carry into a slot, normalised as the stream counts."""
+    """Write into a slot the values that the stream is to carry, normalised as the stream counts."""
     constants = observer.constants
     learned = learned_of(knowledge.in_force, constants.coefficients)
     verdict = observer.verdicts[slot]

@@ -160,10 +160,7 @@ def with_constants(observer: state.Observer, constants: state.Constants) -> stat
 
 
 def _raise_origin(observer: state.Observer, rise: float) -> None:
-    """Let all remembered pressures count from a chamber pressure that is higher by `rise` [p_0].
-
-    The pressure of a sac at rest stays that of the chamber.
-    """
+    """Let remembered pressures count from a chamber pressure `rise` [p_0] higher, that of a sac at rest."""
     memory, line = observer.memory[0], np.zeros(observer.x_hat.shape[1])
     rest_state(line, rise, observer.constants.coefficients)
     for states in (observer.x_tilde, observer.x_hat):
@@ -177,7 +174,6 @@ def _raise_origin(observer: state.Observer, rise: float) -> None:
 
 
 def _bound_stepper(stream: core.Stream, constants: state.Constants, before: Stepper | None = None) -> Stepper:
-    """Stepper of the pair by these constants from now on; before: what stepped it so far."""
     stepper = Stepper(stream, constants)
     if before is not None:
         stepper.go_on_from(before)
@@ -266,20 +262,14 @@ def _window_of(observer: state.Observer, event: np.void) -> tuple[int, int]:
 
 
 def event_standstill(observer: state.Observer, number: int) -> Standstill:
-    """Standstill as it was known when the `number`-th closed event (0, 1, ..) ended.
-
-    The knowledge at the time of the call depends on how many samples a frame carries.
-    """
+    """Standstill when the `number`-th closed event ended: later knowledge depends on the frames' size."""
     event = observer.events[number % core.PENDING_EVENTS]
     stated = observer.memory[0]["prior"]["stated_noise"]
     return standstill_of(event, observer.constants.coefficients.pressure_scale, stated)
 
 
 def was_shut(observer: state.Observer, begin: float, end: float) -> bool:
-    """Whether the needle was shut at the index `begin`, and every sample from there to `end` was processed.
-
-    The legal pauses of a windowed source count as processed.
-    """
+    """True if the needle was shut at index `begin`, and samples to `end` were processed or legally paused."""
     processed = int(observer.memory[0]["positions"]["processed"])
     if processed == 0:
         return False

@@ -86,10 +86,9 @@ class SignalSurvey:
 
 
 class Openings:
-    """Count of a lift's rises, not less than the openings that the observer finds.
+    """Count of a lift's rises, not less than the observer's openings.
 
-    Its dead band follows the noise, with a hysteresis of a factor of two, and is 2 um at least: so an opening rises
-    through one of the levels, wherever the dead band is.
+    Its dead band (2 um at least) follows the noise by factors of two, so that an opening rises through some level.
     """
 
     _LEVELS: Floats = np.array([2e-6 * 2.0**i for i in range(11)])  # m

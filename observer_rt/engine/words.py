@@ -1,7 +1,6 @@
 """Words of the service: states, reasons, counters and log lines, and the remedy for each.
 
-The one table of them, but for counters, which have theirs beside their signals. The log, the view and the databases'
-value tables use `Words.what`; docs/operating.md has all.
+The one table of them, but for counters. Log, view and value tables use `Words.what`; docs/operating.md has all.
 """
 
 import logging

@@ -97,7 +97,7 @@ def is_offset(offset: float, untold: float = 0.0) -> bool:
 def objections(
     statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED, untold: float = 0.0
 ) -> list[Objection]:
-    """Objections to an event, a cause first; offset, untold [Pa], lag [s]. A model not fitted always has one."""
+    """Objections to an event, a cause first; offset, untold [Pa], lag [s]; always if the model fits nobody."""
     result = [Objection(Reason.PRESSURE_OFFSET)] if is_offset(offset, untold) else []
     if lag > LARGEST_LAG:
         result.append(Objection(Reason.SENSOR_LAG))

@@ -49,9 +49,9 @@ def indicators_of(
 ) -> Indicators:
     """Indicators by theta (m,) at state x (3,) and inputs u (2,), their sigmas by its covariance (m, m).
 
-    Those of nozzle and seat, the only ones that enter Q_H^, are no better known than the level, by `calibration`.
-    rails: pressures [p_0] of recent events; the difference of the nozzle's change between them is no wear, but widens
-    its sigma. has_lift: the lift is recorded, so that nothing is learned of the needle.
+    Those of nozzle and seat, alone in Q_H^, are no better known than the level (`calibration`). rails: recent
+    pressures [p_0]; a difference of the nozzle between them is no wear, but widens its sigma. has_lift: it is
+    recorded.
     """
     nozzle, by_nozzle = nozzle_change(theta, x, u)
     seat, by_seat = seat_change(theta, SEAT_AREA, SEAT_DROP)
@@ -79,7 +79,7 @@ def indicators_of(
 
 
 def _difference_at(theta: parameters.Theta, covariance: Matrix, x: Vector, u: Vector, rail: float) -> float:
-    """Square by which the nozzle's change at a rail pressure [p_0] differs from that here, less a possible error."""
+    """Square of how the nozzle's change at a rail pressure [p_0] differs from that here, less a possible error."""
     here, slopes = nozzle_change(theta, x, u)
     ratio = rail / max(float(u[0]), LEAST_SAC_PRESSURE)
     changed, changed_slopes = nozzle_change(theta, ratio * x, np.array([rail, u[1]]))

@@ -52,10 +52,9 @@ class CommandedOpening:
 
 @dataclass(frozen=True, eq=False)
 class InjectionReport:
-    """One injection, judged with its event.
+    """One injection, judged with its event; a position counts samples received, an index is the device's.
 
-    A position counts the samples received, an index is the number that the device gave a sample. Volume and mass are
-    those by the injection's own pressures where its event was learned from, else of the live rate.
+    Volume and mass are by its own pressures where its event was learned from, else of the live rate.
     """
 
     number: int  # counted by the observer, from 1
@@ -163,10 +162,7 @@ def beyond_learned(report: InjectionReport) -> str:
 def report_of(
     injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
 ) -> InjectionReport:
-    """Report of an injection (row of dtype `stream.state.INJECTION`).
-
-    commanded: by which command it opened; is_contested: another node sends the same results.
-    """
+    """Report of an injection (row of `stream.state.INJECTION`); is_contested: another node sends its results."""
 
     def pressure(name: str) -> float:
         return float(injection[name]) * c.pressure_scale + c.chamber_pressure

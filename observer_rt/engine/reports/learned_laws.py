@@ -84,10 +84,7 @@ def leading(laws: Sequence[LearnedLaw]) -> LearnedLaw | None:
 
 
 def learned_laws(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedLaw, ...]:
-    """What was learned, over the ranges in which there were events: curves, then surfaces of pairs rather in use.
-
-    None before any event.
-    """
+    """Curves, then surfaces of pairs in use, over the ranges in which there were events; empty before any."""
     learned, theta = knowledge.state.learned, knowledge.in_force
     if not learned.learned_at:
         return ()
@@ -138,7 +135,6 @@ class _Axis(NamedTuple):
 
 
 def _axes(points: Sequence[EventPoint], c: Coefficients) -> tuple[_Axis, ...]:
-    """Inputs in the order in which the network has them."""
     pressure, area = c.pressure_scale / MEGAPASCAL, c.area_scale / MILLIMETRE**2
     rails, logs, areas = np.array(points).T
     times = np.exp(logs)
@@ -157,7 +153,7 @@ def _axes(points: Sequence[EventPoint], c: Coefficients) -> tuple[_Axis, ...]:
 
 
 def _grid(first: float, last: float) -> Floats:
-    """Inputs of a curve (n,), none where the range is too narrow."""
+    """Inputs (n,) of a curve, empty where the range is too narrow."""
     if last - first < LEAST_SPAN * 0.5 * (first + last):
         return np.empty(0)
     return np.linspace(first, last, POINTS)

@@ -1,7 +1,4 @@
-"""Reads the injector's commands from levels or durations, and finds the opening of each.
-
-So the delays of the injector are known, and commands whose injection is missing.
-"""
+"""Reads the injector's commands from levels or durations, and finds their openings, delays and missing injections."""
 
 import math
 from collections import deque
@@ -80,7 +77,6 @@ class CommandReader:
         return [command for command in starts if command is not None]
 
     def _distance(self, earlier: int, later: int) -> float:
-        """Distance in samples."""
         return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
 
     def _lose(self) -> None:
@@ -126,15 +122,14 @@ class EnergizingFigures:
 class EnergizingWatch:
     """Joins commands and openings, whichever comes first.
 
-    An opening belongs to the last command that started before it, if that was not too long ago and no opening was
-    before it; it is decided when its injection is reported. A command is missing its injection when the needle was
-    shut as it started, no sample was lost since, and no opening without a command is in its window.
+    An opening, once reported, belongs to the last command before it, if recent and unopened. A command misses its
+    injection when it started on a shut needle, lost no sample since, and has no opening without a command in its
+    window.
     """
 
     def __init__(
         self, energizing: EnergizingLayout, compiled: CompiledPipeline, on_missing: Callable[[MissingInjection], None]
     ) -> None:
-        """on_missing: called with every missing injection."""
         sample_rate = 1.0 / compiled.observer.constants.interval
         self._energizing = energizing
         self._reader = CommandReader(energizing, sample_rate)
@@ -161,7 +156,7 @@ class EnergizingWatch:
         self._tell_valve()
 
     def _tell_valve(self) -> None:
-        """Tells the pilot valve of the last command, as long as that has no end; without one it stays shut."""
+        """Tells the pilot valve of the last command, as long as that has no end; else it stays shut."""
         command = self._energized
         if command is None or not self._energizing.tells_samples:
             return
@@ -233,7 +228,6 @@ class EnergizingWatch:
         return float(moment) if self._reader.by_index else self._compiled.place_at(moment)
 
     def _command_of(self, opening: int) -> Command | None:
-        """The command that an opening belongs to, None without one."""
         since = [(samples_between(self._position(one.start), opening), one) for one in self._waiting]
         started = [each for each in since if 0.0 <= each[0] <= self._window]
         _, last = min(started, key=itemgetter(0), default=(math.inf, None))
@@ -243,7 +237,7 @@ class EnergizingWatch:
         return max(late, key=itemgetter(0))[1] if late else None
 
     def _forget(self, before: int) -> None:
-        """Forgets commands of the old count, which began anew after `before`: they have no openings any more."""
+        """Forgets commands from before the count began anew, which have no openings any more."""
         for command in [*self._waiting]:
             now, then = (abs(samples_between(index, command.start)) for index in (self._newest, before))
             if not now < then:

@@ -43,7 +43,7 @@ class SecondSender:
     """Whether another node sends our results now, and between which samples it did so last."""
 
     def __init__(self, publisher: Structs, observer: Structs) -> None:
-        """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
+        """publisher, observer: their memory; no rate that the publisher sends meanwhile is valid."""
         self._is_contested = publisher["contested"]
         self._processed = observer["positions"]["processed"]
         self._first = self._end = 0
@@ -65,10 +65,9 @@ class SecondSender:
 
 
 class Core:
-    """One injector's observer service on frames.
+    """One injector's observer service on frames, in the order received.
 
-    `handle` takes frames in the order received and returns the frames they cause. The same frames give the same
-    `InjectionRate` and `InjectionSummary` frames, bit for bit, as long as no adoption is late.
+    The same frames give the same `InjectionRate` and `InjectionSummary` frames, bit for bit, if no adoption is late.
     """
 
     def __init__(
@@ -86,11 +85,10 @@ class Core:
     ) -> None:
         """bench_injector: with its sections of the bench file; bus: its frames; knowledge: from an earlier run.
 
-        executor: where learning runs (None: at once, in lockstep); learning: None: as the bench file states.
-        listeners: called with every report and notice. learner_of: makes the learner; what it raises is raised,
-        `UserError` where the training does not fit injector or sample rate. assumes_filed: whether surroundings are
-        as in the injector file until they are measured, else nothing is valid. writes_summaries: among the frames
-        to send. commanded: whether a pilot valve goes by commands; None: where the bus tells their samples.
+        executor: of learning, None: in lockstep; learning: None: as the bench file states; listeners: called with
+        reports and notices; learner_of: makes the learner; its errors are raised, `UserError` where training does not
+        fit injector or sample rate; assumes_filed: surroundings are the file's until measured, else nothing is valid;
+        commanded: a pilot valve goes by commands, None: where the bus tells their samples.
         """
         config = bench_injector.config
         is_restored = knowledge is not None
@@ -145,11 +143,10 @@ class Core:
     def handle(
         self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int, bus: int = 0
     ) -> list[messages.OutputFrame]:
-        """Takes one frame received on a bus and returns the frames to send; frames that are not ours are ignored.
+        """Takes one frame received on a bus and returns the frames to send; ignores frames that are not ours.
 
-        frame_id: of 29 bits where `is_extended`, else of 11; payload: its bytes; bus: its number, from 0.
-        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all buses. Where
-        all messages of one time base carry an index, it changes no result.
+        frame_id: 29 bits where `is_extended`, else 11; bus: from 0; stamp_ns: received at, on one clock for all buses
+        [ns]: it changes no result where all messages of one time base carry an index.
         """
         return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
 
@@ -163,10 +160,7 @@ class Core:
         return self._results.taken()
 
     def attend(self) -> list[messages.OutputFrame]:
-        """Handles what the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
-
-        Returns the frames to send; rates are in the publisher, for whoever gives it frames.
-        """
+        """Handles what the stream did meanwhile; returns the frames to send, for rates are in the publisher."""
         self._go_on(waiting=False)
         return self._results.taken()
 
@@ -208,10 +202,7 @@ class Core:
         return samples_at(self.compiled.observer, max(start, end - RING), end)
 
     def inputs(self, first: int, most: int) -> dict[Role, Floats]:
-        """Processed samples (n,) of every role [m; Pa above the chamber pressure] from position `first` on.
-
-        Only remembered ones; of more than `most` evenly spaced ones.
-        """
+        """Remembered samples (n,) of every role [m; Pa above chamber] from `first` on, thinned evenly to `most`."""
         first = max(first, self.processed - RING)
         places = np.arange(first, self.processed, 1 + (self.processed - first) // most) % RING
         ring = self.compiled.observer.ring
@@ -335,7 +326,7 @@ class Core:
             judgement["waiting"] = False
 
     def _follow(self) -> None:
-        """Hand over closed events, report the injections of judged ones, with what came before these were."""
+        """Hand over closed events; report the injections of judged ones after any notices before them."""
         for judged in self._judging.follow(self.optional.learning):
             self.optional.read()
             for injection in self._judging.injections(judged):
@@ -348,7 +339,6 @@ class Core:
 
     @property
     def _newest_row(self) -> np.void:
-        """The last processed sample, `stream.state.SAMPLE`."""
         row: np.void = self.compiled.observer.ring[(self.processed - 1) % RING]
         return row
 

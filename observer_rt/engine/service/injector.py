@@ -33,10 +33,9 @@ LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], Learner]
 def bench_constants(
     injector: BenchInjector, restored: bool = False, surroundings: Surroundings | None = None
 ) -> Constants:
-    """Constants of the observer for an injector in surroundings; None: in those of its file, before any is measured.
+    """Constants for an injector in surroundings, None: in those of its file, before any is measured.
 
-    Raises `UserError` when its sample rate is too low to integrate, or its file does not say how the fuel changes
-    with a temperature that the bench measures.
+    Raises `UserError` for a sample rate too low to integrate, or a measured temperature without its effect on fuel.
     """
     if surroundings is None and (roles := injector.config.signals.surroundings):
         for extremes in product(*(OPTIONAL_SIGNALS[role].possible for role in roles)):

@@ -80,10 +80,7 @@ class Judging:
         healthy: Healthy,
         on_failure: Callable[[Exception], None],
     ) -> None:
-        """executor: runs one job at a time, in order; start: the knowledge before the first event.
-
-        healthy: innovations of the healthy injector; on_failure: called with an error that learning raised.
-        """
+        """executor: runs one job at a time, in order; on_failure: called with an error that learning raised."""
         self.knowledge = start
         """All that was learned and judged so far."""
         self.rejected = 0
@@ -123,10 +120,7 @@ class Judging:
         return not self._waiting
 
     def follow(self, learning: bool) -> Iterator[EventRecord]:
-        """Follows the stream since the last call: events that were judged, after handing over those that closed.
-
-        learning: whether they are learned from.
-        """
+        """Follows the stream since the last call: events judged, after handing over those that closed."""
         taken = int(self._events_taken[0])  # before the others: none is taken that has not closed
         closed = int(self._events_closed[0])
         while self._taken < taken or self._submitted < closed:
@@ -144,10 +138,9 @@ class Judging:
             self._post_learned(closed, closed.learning.result())
 
     def post(self) -> None:
-        """Post the verdicts that are known, on events that the stream will come to; none where it waits for them.
+        """Post known verdicts on events that the stream will come to; none where it waits for them.
 
-        Every event is examined as soon as its predecessors were taken, in case its learning is late: how long that
-        is nobody knows, for the sample after a pause of the source may be one beyond the event's delay.
+        All are examined once their predecessors were taken: a pause of the source hides how late their learning is.
         """
         if self._waits:
             return
@@ -160,21 +153,19 @@ class Judging:
 
     @property
     def _waits(self) -> bool:
-        """Whether the stream waits for verdicts: then every event is learned from."""
+        """True if the stream waits for verdicts: then every event is learned from."""
         return bool(self._waits_for_verdicts[0])
 
     def _would_be_taken(self, closed: _PendingEvent) -> bool:
-        """Whether the stream would take the first verdict on an event that is learned from: it is due already.
+        """True if the stream would take the first verdict on an event learned from, being due already.
 
-        That is so where only the next window showed that it was over. Once the event after it has closed, no more
-        is waited for.
+        It is due where only the next window showed that it was over, until the event after it has closed.
         """
         event = self._event(closed.number)
         is_due = event["closed_index"] > event["due_index"]
         return bool(closed.learning is not None and is_due and self._submitted == closed.number + 1)
 
     def _submit(self, learning: bool) -> None:
-        """Take over the next closed event."""
         observer, number = self._compiled.observer, self._submitted
         window = event_window(observer, number)
         closed = _PendingEvent(
@@ -198,7 +189,6 @@ class Judging:
             self.passed_over += 1
 
     def _learn(self, closed: _PendingEvent) -> None:
-        """Have an event learned from."""
         assert closed.window is not None
         assert closed.standstill is not None
         self._learned_from = closed
@@ -208,7 +198,7 @@ class Judging:
         closed.learning.add_done_callback(lambda _: self.on_learned())
 
     def _end_learning(self) -> None:
-        """Hands what was learned to its event or, when that was taken, to the next one; then the next learning."""
+        """Hands what was learned to its event, or to the next if that was taken; then the next learning."""
         closed = self._learned_from
         if closed is None or not closed.is_learned:
             return

@@ -219,10 +219,7 @@ class ResultFrames:
 
 
 def value_of(source: str, parts: Mapping[str, Any]) -> Any:
-    """Value that a source names: a part, and a column, key or attribute of it; None where there is no such part.
-
-    Of a column of several records the sum.
-    """
+    """Value that a source names: a part, then its column, key or attribute; None without it, columns summed."""
     value: Any = parts
     for name in source.split("."):
         if isinstance(value, Mapping):

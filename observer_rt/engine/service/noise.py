@@ -1,6 +1,6 @@
 """Noise of an injector's signals: as the bench file states it, its slow part at rest, and both in words.
 
-scipy.signal is imported where it is called: no other import takes as long, and the daemon's start needs none of it.
+scipy.signal is imported late, for it takes long and the daemon's start needs none of it.
 """
 
 import cmath
@@ -99,10 +99,7 @@ def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
 
 
 def slow_noise(values: Floats, index: Ints, sample_rate: float, white: float) -> SlowNoise | None:
-    """Slow noise of samples (n,) at rest with their sample index; None: they are white, or too few.
-
-    white: standard deviation of the white part; sample_rate [Hz].
-    """
+    """Slow noise at rest of samples (n,) with sigma `white` of the rest; None: white, or too few."""
     if values.size < FEWEST:
         return None
     values = values - values.mean()
@@ -119,7 +116,7 @@ def slow_noise(values: Floats, index: Ints, sample_rate: float, white: float) ->
 
 
 def _decays(values: Floats, stretches: list[Ints]) -> bool:
-    """Whether values are smaller in the second halves of the stretches: an echo of the motion before these."""
+    """True if values are smaller in the stretches' second halves: an echo of the motion before."""
     first = sum(float(np.sum(values[s[: s.size // 2]] ** 2)) for s in stretches)
     second = sum(float(np.sum(values[s[-(s.size // 2) :]] ** 2)) for s in stretches if s.size > 1)
     return first > DECAYING * second

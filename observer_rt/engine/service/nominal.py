@@ -32,10 +32,7 @@ class Follower:
         self._x, self._terms = x, Terms(self.constants.program, *clock)
 
     def along(self, rows: Structs, commands: Floats = NO_COMMANDS) -> Floats:
-        """Injection rate (n,) [m3/s] at samples (n,); the state belongs to the first, where the rate is 0.
-
-        rows: dtype `SAMPLE` or `sample_dtype`; commands (k, 2): as of `Window`.
-        """
+        """Injection rate (n,) [m3/s] at rows (n,), 0 at the first, which has the state; commands: as of `Window`."""
         constants, c = self.constants, self.constants.coefficients
         errors, rate = np.empty((2, len(rows)))
         setting = Setting(constants.interval, constants.substeps, c, np.zeros(c.states), program=constants.program)

@@ -23,16 +23,14 @@ if TYPE_CHECKING:
 
 
 class OptionalInputs:
-    """Attends to the optional inputs of a bench, which compiled code takes; without any it changes nothing.
+    """Attends to a bench's optional inputs, which compiled code takes; without any it changes nothing.
 
-    A learning enable of 0 holds learning up. A measured mass is compared with the estimate, and never learned from.
-    Energizing is compared with the openings. Surroundings change the model.
+    Learning enable 0 holds learning up; surroundings change the model; mass and energizing are only compared.
     """
 
     def __init__(
         self, injector: BenchInjector, bus: BusMap, compiled: CompiledPipeline, tell: Listener, is_restored: bool
     ) -> None:
-        """tell: of measured masses and missing injections."""
         self._injector = injector
         self._is_restored = is_restored
         self._compiled = compiled
@@ -124,12 +122,10 @@ class OptionalInputs:
 class _MassComparison:
     """Joins measured masses and reports of injections, whichever comes first.
 
-    A value is a measurement when it is positive and is not the one before it, which a cyclic message repeats; it
-    belongs to the last injection closed before it came. Of several for one injection the first counts.
+    A positive value, no repeat by a cyclic message, is of the last injection closed before it; the first one counts.
     """
 
     def __init__(self, on_measured: Callable[[MeasuredMass], None]) -> None:
-        """on_measured: called with every measured injection once it is reported too."""
         self._on_measured = on_measured
         self._value = math.nan
         self._measured = 0  # number of the last injection with a measurement

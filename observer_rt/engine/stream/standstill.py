@@ -1,8 +1,7 @@
 """Findings while the needle is closed: noise levels, offset between line and rail pressure, lift, a rail held.
 
-A rail pressure that is held is not measured, but the set value, or what a device sends when its sensor is dead. It
-is the same from sample to sample, so that no sample shows it for a channel that repeats its values anyway. But no
-rail keeps its pressure through whole injections, and through the noise that the line pressure shows.
+A held rail pressure is a set value, or a dead sensor's. A channel that repeats its values shows it at no sample, but
+no rail keeps its pressure through injections and the noise that the line shows.
 """
 
 import math
@@ -74,10 +73,7 @@ def lift_figures(observer: Observer, max_lift: float) -> LiftFigures:
 
 @dataclass(frozen=True)
 class Standstill:
-    """Statistics since the start: sample count, mean of y - o - u1 (in units of p_0), measured noise.
-
-    o is the offset of the sensor in force: the remaining offset is not known yet.
-    """
+    """Statistics since the start: samples, mean of y - o - u1 [p_0], noise; o: offset of the sensor in force."""
 
     samples: int
     offset: float
@@ -86,10 +82,7 @@ class Standstill:
 
 
 def offset_between(before: Standstill | None, after: Standstill) -> float | None:
-    """Mean of line over rail pressure at rest [p_0] between the ends of two events, None without a sample.
-
-    before: None, where there was no event.
-    """
+    """Mean of line over rail pressure at rest [p_0] from one event's end to the next's; None: no sample."""
     samples, total = after.samples, after.samples * after.offset
     if before is not None:
         samples, total = samples - before.samples, total - before.samples * before.offset
@@ -97,10 +90,9 @@ def offset_between(before: Standstill | None, after: Standstill) -> float | None
 
 
 def standstill_of(record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None) -> Standstill:
-    """Read the statistics out of an observer's memory, or a closed event's; pressure_scale p_0 [Pa].
+    """Statistics of an observer's memory or a closed event; pressure_scale p_0 [Pa].
 
-    stated: levels (3,) of rail and line pressure [p_0] and lift [m] that hold where what was measured does not
-    contradict them: a short standstill tells a level within some percent only.
+    stated (3,): levels of rail, line [p_0] and lift [m] that hold unless a standstill, if short a vague one, differs.
     """
     record_of, resting = record["standstill"], record["resting_lift"]
     samples = int(record_of["rest_count"])
@@ -142,11 +134,7 @@ class HeldRail:
         return self.events >= HELD_FOR
 
     def after(self, window: Window, standstill: Standstill, rail_every: float) -> "HeldRail":
-        """Adds an event.
-
-        rail_every: samples to one of the rail pressure; a slow one may have the same value in an event. A recording
-        without noise is computed, and so may its rail pressure be.
-        """
+        """Adds an event; a slow rail may repeat a value, and a recording without noise is computed, rail too."""
         rail = window.inputs[:, 0]
         is_noisy = standstill.noise is not None and standstill.noise.line_pressure > FLOOR.line_pressure
         value = float(rail[0])
@@ -165,10 +153,9 @@ class RestPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorSlope:
-    """Error of one pressure sensor's slope against the other's, by what they differ by at rest.
+    """Error of one pressure sensor's slope against the other's, by their difference at rest.
 
-    A sensor that is bent differs otherwise at other rail pressures, whatever its gain. One that drifts, or that moved
-    once, differs as it lately did at some other rail pressure.
+    A bent sensor differs at other rail pressures whatever its gain; one that drifts or moved once, as it lately did.
     """
 
     points: tuple[RestPoint, ...] = ()  # of the last events, at rail pressures that are apart
@@ -185,7 +172,7 @@ class SensorSlope:
 
 
 def _slope(first: RestPoint, second: RestPoint, gain: float) -> float:
-    """Slope beyond a gain that is there at least between two points, as a share; little of points that are near."""
+    """Slope beyond a gain that is there at least between two points, as a share; little for near ones."""
     apart = first.rail_pressure - second.rail_pressure
     moved = abs(first.difference - second.difference - gain * apart)
     moved = max(moved - Z_95 * math.sqrt(first.variance + second.variance), 0.0)

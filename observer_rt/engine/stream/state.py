@@ -99,12 +99,11 @@ class Constants(NamedTuple):
 
 
 class Observer(NamedTuple):
-    """Constants, preallocated memory, and what of the core works on it.
+    """Constants, preallocated memory, and the core's calls that work on it.
 
-    Whoever judges closed events posts verdicts on them, and the stream takes one when an event is due. Neither waits
-    for the other, and no lock is between them: a finding counts for the event whose number it bears, and its number
-    is written last. There are two times SLOTS: the verdict on the n-th event is in slot n % SLOTS, what an earlier
-    event taught SLOTS further.
+    A judge of closed events posts verdicts, and the stream takes one when an event is due, with no lock: a finding
+    counts for the event whose number it bears, written last. Of 2 SLOTS, slot n % SLOTS has the n-th verdict, SLOTS
+    further the teaching of an earlier event.
     """
 
     constants: Constants

@@ -49,11 +49,9 @@ def until_learned(reason: Reason) -> Reason:
 def reason_of_injection(
     of_samples: Reason, of_event: Reason, of_inputs: Reason, was_outlier: bool, is_learned: bool = False
 ) -> Reason:
-    """Why an injection is not valid. The judgement of its event may overrule what its samples said.
+    """Why an injection is not valid: its samples, unless the judgement of its event overrules them.
 
-    of_samples: first reason of its samples; of_event: why its event did not pass the tests; of_inputs: why the
-    samples of the event cannot be trusted; was_outlier: the samples that contradicted the model were outliers;
-    is_learned: its event was learned from, so that its mass is that of its own pressures.
+    was_outlier: those that contradicted the model were outliers; is_learned: its mass is by its own pressures.
     """
     reason = of_samples
     if is_learned and reason in _OF_LIVE_RATE:

@@ -1,12 +1,10 @@
 """Memory by which the compiled core aligns frames to one gapless stream of samples, and keeps their time.
 
-`alignment.pxi` and `placing.pxi` of `core/frames` align by it: messages of one time base are joined by their
-unwrapped sample index, those of others follow on the same grid (`mapping.timing`). Up to two missing
-samples are interpolated, more are a loss. An index jump is legal only with a contiguous E2E counter in every message
-on the grid and a closed needle before and after.
-
-Frames without an index are counted (`frame_numbers.pxi`), and a device's clock is found by stamps (`clock.pxi`): the
-delays and drift of its frames say how well the time of samples is known.
+`alignment.pxi` and `placing.pxi` of `core/frames` align by it: messages of one time base join by their unwrapped
+sample index, others follow on the same grid (`mapping.timing`). Up to two missing samples are interpolated, more are
+a loss. An index jump is legal only with a contiguous E2E counter in every message on the grid and a closed needle
+before and after. `frame_numbers.pxi` counts frames without an index; `clock.pxi` finds a device's clock by
+stamps, whose delays and drift say how well the time of samples is known.
 """
 
 import math

@@ -18,8 +18,7 @@ ARPHRD_CAN = 280  # kind of interface
 # Added to the id of a frame.
 EXTENDED = 1 << 32
 BUS = 1 << 33  # for each bus before its own
-# A stuff bit follows five equal bits. From the first bit of a run (the stuff bit itself begins one) it takes
-# on average 2^5 - 2 random bits to see four more of the same.
+# A stuff bit follows five equal bits: after the first of a run (perhaps a stuff bit) come 2^5 - 2 bits on average.
 BITS_PER_STUFF_BIT = 30.0
 
 # Lengths in bits, ISO 11898-1.
@@ -53,12 +52,10 @@ def frame_key(frame_id: int, is_extended: bool, bus: int = 0) -> int:
 
 
 def frame_time(length: int, is_fd: bool, bit_rate: float, data_bit_rate: float, is_extended: bool) -> float:
-    """Time [s] one frame of `length` data bytes occupies the bus, intermission included.
+    """Time [s] a frame of `length` data bytes occupies the bus, intermission included; bit rates in bit/s.
 
-    `bit_rate` and `data_bit_rate` in bit/s; the latter counts for CAN FD only, whose frames are sent with the
-    bit rate switched. A length CAN FD does not have takes the next one that it has.
-
-    Raises `ValueError`: no frame of this kind holds `length` bytes.
+    CAN FD frames switch to `data_bit_rate`; a length CAN FD does not have takes its next one. Raises `ValueError`: no
+    frame of this kind holds `length` bytes.
     """
     if not 0 <= length <= (FD_LENGTHS[-1] if is_fd else CLASSIC_LENGTH):
         raise ValueError(f"no {'CAN FD' if is_fd else 'classic CAN'} frame holds {length} bytes")

@@ -1,11 +1,9 @@
 """The user's bench file: buses with their databases, and the injectors on them. Read, validated, refused with remedy.
 
-The sections of an injector (`InjectorConfig`) stand at the top of the file where there is one injector. Several are
-`[injectors.<name>]`, with the same sections below: `[injectors.left.signals.needle_lift]`, `[injectors.left.model]`.
-What one of them leaves out is as at the top of the file, key by key, of the signals role by role: a rail pressure
-stated once as `[signals.rail_pressure]` is that of all. There `{injector}` stands for the name of each, and the
-identifiers of results rise by `outputs.id_step` from one to the next; `outputs.injector_id` is 1, 2, ... if none is
-stated.
+Sections of an injector (`InjectorConfig`) stand at the top, or of several as `[injectors.<name>]`, such as
+`[injectors.left.signals.needle_lift]`. An omitted key is as at the top of the file, role by role: a
+rail pressure stated once is that of all. There `{injector}` stands for each name, and result identifiers rise by
+`outputs.id_step`; `outputs.injector_id` is 1, 2, ... if not stated.
 """
 
 import re
@@ -42,10 +40,7 @@ Content = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class BenchInjector:
-    """Injector of a bench: its sections of the bench file, and the parameters in the file it names.
-
-    is_lift_dead: whether its lift sensor has failed, so that the needle goes by commands.
-    """
+    """Injector of a bench, with its file's parameters; is_lift_dead: no lift sensor, the needle goes by commands."""
 
     file: bench_file.BenchFile
     config: InjectorConfig
@@ -168,10 +163,7 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
 
 
 def _with_named_fuel(path: Path, document: dict[str, Any]) -> InjectorParameters:
-    """Parameters of a file's document, where its `[fluid]` may be a named fuel with some keys stated.
-
-    A `reference_temperature` stated is that of the fuel, whose other values are taken there.
-    """
+    """Parameters of a file's document, whose `[fluid]` may be a named fuel, at its own reference temperature."""
     stated, location = document.get("fluid"), location_in(path)
     if not isinstance(stated, dict) or "fuel" not in stated:
         return validated(InjectorParameters, document, location, "injector")
@@ -198,10 +190,9 @@ def is_off_bus(shared: Mapping[str, Any]) -> bool:
 
 
 def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: bool = False) -> Bench:
-    """Read a bench file and the injector files it names.
+    """Read a bench file and the injector files it names; model: injector file for all instead.
 
-    model: injector file for each injector, instead of that named. off_bus: only files are read, so that a bench file
-    with `[recording]` and no bus sections is completed by the example.
+    off_bus: only files are read, so that the example completes a bench file with `[recording]` and no bus sections.
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)
@@ -260,7 +251,7 @@ def _database_path(bench: Path, number: int, name: str) -> Path:
 
 
 def _require_file(location: str, path: Path, others: str = "") -> None:
-    """Raise `UserError` for a path of the bench file that leads to no file; others: what else could be named."""
+    """Raise `UserError` for a path that leads to no file; others: what else could be named."""
     if not path.is_file():
         problem = f"{path} {'is a folder' if path.is_dir() else 'does not exist'}"
         raise UserError(location, problem, f"name a file, by its path from the bench file on{others}")

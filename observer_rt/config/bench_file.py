@@ -88,10 +88,9 @@ def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
 def values_by_bus(
     option: str, texts: Sequence[str], links: Sequence[NamedLink], example: str = "can1"
 ) -> dict[int, str]:
-    """Values of a repeatable option by bus number: `VALUE` for the first bus, `NAME=VALUE` for another.
+    """Values of a repeatable option by bus: `VALUE` for the first, `NAME=VALUE` for another, the last counts.
 
-    On a bench with one bus every text is a value. Of several values for one bus the last counts. Raises `UserError`
-    for a name that no bus has.
+    With one bus every text is a value. Raises `UserError` for a name that no bus has.
     """
     names = [link.name for link in links]
     result: dict[int, str] = {}

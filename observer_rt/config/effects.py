@@ -54,10 +54,7 @@ def value_in_bounds(location: str, effect: Effect, parameter: EffectParameter, p
 
 
 def check_effects(location: str, effects: Sequence[EffectInForce]) -> None:
-    """Refuse effects of an injector file that do not exist, exceed their bounds or are given twice.
-
-    Raises `UserError` at a key below `location`.
-    """
+    """Refuse effects that do not exist, exceed their bounds or repeat, by `UserError` at a key below `location`."""
     seen: set[str] = set()
     for number, entry in enumerate(effects):
         here = f"{location}effects.{number}"
@@ -95,10 +92,7 @@ def term_domain(parameters: InjectorParameters) -> "TermDomain":
 
 
 def check_terms(location: str, parameters: InjectorParameters) -> None:
-    """Refuse terms of an injector file that cannot be read, do not fit, or make no sound model.
-
-    Raises `UserError` at a key below `location`.
-    """
+    """Refuse terms that cannot be read, do not fit or make no sound model, by `UserError` below `location`."""
     from observer_rt.model.terms.bounds import refuse_unbounded
 
     domain = term_domain(parameters)

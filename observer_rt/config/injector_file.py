@@ -37,10 +37,7 @@ class InjectorFile(NamedTuple):
 
     @contextmanager
     def changed(self, path: Path) -> Iterator[tomlkit.TOMLDocument]:
-        """Yield the content to be changed, which is then written to a path.
-
-        Raises `RunError` for a content that would not load; the file that was there is then unchanged.
-        """
+        """Yield the content to change, then written to a path; `RunError`, and no change, if it would not load."""
         document = tomlkit.parse(self.text)
         yield document
         with file_errors(path), replacing(path) as part:

@@ -1,7 +1,6 @@
 """Signals that carry the observer's inputs, as a bench file states them, and the effects of their delays and lags.
 
-For samples of a bus `bus/alignment.py` undoes the delay of each message that carries the lift or the rail pressure;
-the model gets all other delays and lags as effects.
+`bus/alignment.py` undoes delays of lift and rail messages; the model gets all others, and lags, as effects.
 """
 
 import math
@@ -45,11 +44,10 @@ class OptionalRole(StrEnum):
 class OptionalSignal:
     """Description of an optional role, for the bus and for `check`.
 
-    use: purpose of its values; possible: lowest and highest value [SI]; wrong: words for a signal whose range lies
-    outside these. expires: whether a value counts for a time only. usual: value [SI] in frames made of recordings;
-    unless `always`, only where a frame cannot mark it as not available. units: factors to SI, or origins: zeros of
-    the scales [K]; neither: a plain number. shown: the unit of screens; without one the range is not shown. step:
-    change [SI] of one of the `Surroundings` below which the model stays as it is.
+    use: purpose of its values; possible: lowest, highest [SI]; wrong: words for signals outside; expires: values
+    count for a time only; usual: value [SI] in frames made of recordings, unless `always` only where no frame can
+    mark it not available; units: factors to SI, or origins: zeros of the scales [K]; shown: unit of screens, None:
+    not shown; step: change [SI] of one of the `Surroundings` below which the model stays.
     """
 
     use: str
@@ -249,10 +247,9 @@ def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
 
 
 def effects_on_one_raster(signals: SignalsConfig, location: Callable[[str], str]) -> tuple[SizedEffect, ...]:
-    """Effects of delays and lags in recordings that are compared with models, on one raster: against the lift.
+    """Effects of delays and lags in recordings that are compared with models, against the lift.
 
-    location: gives the place of a key in its file. Raises `UserError` for delays that differ by more than
-    `MOST_APART_US`.
+    location: of a key in its file. Raises `UserError` for delays that differ by more than `MOST_APART_US`.
     """
     lift = signals.of(Role.NEEDLE_LIFT).filter_delay_us
     for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE):

@@ -31,8 +31,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 def validated(model: type[_Model], document: Mapping[str, Any], location_of: Callable[..., str], kind: str) -> _Model:
     """A document as a model; kind: as in `run --print-example-<kind>`, which prints a complete example.
 
-    Types are strict: no text for a number, no number for a switch. location_of: gives the location of an entry by the
-    keys that lead to it. Raises `UserError` naming location, problem and remedy.
+    Types are strict; location_of: place of an entry, by keys. Raises `UserError` naming location, problem and remedy.
     """
     try:
         # as JSON, where a list is a tuple and a text a choice, however strict

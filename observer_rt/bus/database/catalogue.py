@@ -1,7 +1,4 @@
-"""The bus databases of a bench, DBC files: which file and which bus a message belongs to.
-
-What cantools refuses is refused with file, line and reason, or repaired where asked for.
-"""
+"""The bus databases of a bench, DBC files: refused with file, line and reason, or repaired where asked for."""
 
 import re
 from collections.abc import Iterator
@@ -114,12 +111,10 @@ def locating(location: str) -> Iterator[None]:
 
 
 def load_database(path: Path, lenient: bool = False) -> Database:
-    """Load a bus database, a DBC file.
+    """Load a bus database, a DBC file; `lenient` also takes values outside the declared ranges.
 
-    Signals that overlap or do not fit their message, and what decoding does not need, are refused unless `lenient`:
-    see `overlooked_faults`; that takes values outside the declared ranges, too.
-
-    Raises `UserError`: no such file, not readable, not a bus database, or not correct.
+    Signals that overlap or do not fit their message, and faults that decoding does not mind, are refused unless
+    `lenient`: see `overlooked_faults`. Raises `UserError`: no such file, not readable, or not correct.
     """
     if path.suffix.lower() != ".dbc":
         raise UserError(str(path), "is no DBC file", _CONVERT.format(path.name, path.stem))
@@ -151,7 +146,7 @@ def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
 
 @lru_cache(maxsize=_CACHED)
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
-    """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
+    """Load a database, cached by its file's state: reading one takes as long as seconds of a recording."""
     text = _BIT_TIMING.sub(r"\1", _text_of(path))
     text = _SIGNAL_VALUES.sub(lambda use: "\n" * use[0].count("\n") if use[2] == _UNSENT else use[0], text)
     for size in _SIZE.finditer(text):
@@ -166,7 +161,6 @@ def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Data
 
 
 def _text_of(path: Path) -> str:
-    """The text of a database, which may not state its encoding."""
     content = path.read_bytes()
     return re.sub("\r\n?", "\n", content.decode(encoding_of(content), errors="replace"))
 
@@ -200,7 +194,7 @@ def _reason(error: Exception) -> str:
 
 
 def _line_of(path: Path, reason: str) -> int | None:
-    """The line of the file that a refusal speaks of, None where it is not known."""
+    """The line of the file that a refusal speaks of, None where not known."""
     if (stopped := _AT_LINE.search(reason)) is not None:
         return int(stopped.group(1))
     lines = _text_of(path).splitlines()
@@ -226,10 +220,9 @@ def _line_of(path: Path, reason: str) -> int | None:
 
 
 def repaired_dbc(text: str) -> tuple[str, tuple[str, ...]]:
-    """Take identifiers of more than 11 bits as extended; leave out impossible ones and values of absent signals.
+    """Take identifiers of over 11 bits as extended; leave out impossible ones and values of absent signals.
 
-    Words without quotes as defaults of attributes are put into them; comments within a message, or not written as
-    one, are left out. Returns the text, and what was wrong with it.
+    Puts quotes around bare defaults of attributes, leaves misplaced comments out. Returns the text, and its faults.
     """
     complaints = [f'{match[0].strip()}: "{match[2]}" is meant' for match in _BARE_DEFAULT.finditer(text)]
     text = _BARE_DEFAULT.sub(r'\1"\2"\3', text)

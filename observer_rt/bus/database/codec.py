@@ -1,19 +1,17 @@
 """Signals of a bus database, compiled into a table that decodes and encodes payloads without Python.
 
-cantools is the reference: wherever it defines a result, `decode` gives the same number as a float and
-`encode` the same bits (`rint`, half to even). Where it defines none, or one that could mislead:
+cantools is the reference: where it defines a result, `decode` gives the same number as a float and `encode` the same
+bits (`rint`, half to even). Where it defines none, or one that could mislead:
 
-- The code "not available" and the code "error" decode to NaN, and no number encodes to either of them: it
-  becomes the nearest code that is neither.
-- So do codes that a database excludes: named by the value table in an unbroken row up to the field's largest (such as
-  65534 "Fault"), beyond 0xFA.. in J1939, or outside the declared range by more than a hundredth of it: noise about
-  an end of the range is not excluded. Of an index or a counter every code counts.
-- A number outside the declared minimum and maximum, or outside what the field holds, is clamped (infinities
-  included). A declared range in which no code of the field lies counts as none.
-- NaN encodes to "not available"; without that code to NaN in a float field, else to the number nearest zero.
-- A float64 holds 53 bits. An integer wider than that decodes to the nearest float64 (half to even) when it is
-  not scaled; scaled, it is the float64 product and sum, not rounded once from exact integers. Encoding a
-  float64 is exact at any width.
+- The codes "not available" and "error" decode to NaN; a number becomes the nearest code that is neither. So do codes
+  that a database excludes: named by the value table up to the field's largest in an unbroken row (such as 65534
+  "Fault"), beyond 0xFA.. in J1939, or outside the declared range by over a hundredth of it, for
+  noise about an end counts. All codes of an index or counter count.
+- A number beyond the declared range, or the field, is clamped (infinities too); a range without a code counts as
+  none.
+- NaN encodes to "not available", else to NaN in a float field, else to the number nearest zero.
+- A float64 holds 53 bits: a wider integer decodes to the nearest (half to even), scaled to float64 product and sum,
+  not rounded once. Encoding a float64 is exact at any width.
 """
 
 import math
@@ -36,9 +34,8 @@ _LARGEST_FLOAT = {32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.flo
 def signal_table(message: Message, names: Sequence[str], counter: str | None = None) -> Structs:
     """Compile the signals `names` of `message`, in this order, into a table of dtype `SIGNAL`.
 
-    counter: the index or counter among them, whose every code counts.
-
-    Raises `UserError`: a signal is missing, does not fit, has scale 0, a float of odd width, or no usable code.
+    Every code of the `counter` (or index) counts. Raises `UserError`: a signal is missing, does not fit, has scale 0,
+    a float of odd width, or no usable code.
     """
     table = np.zeros(len(names), core.SIGNAL)
     for row, name in zip(table, names, strict=True):
@@ -72,8 +69,7 @@ def _compile(signal: Signal, row: np.void, message: Message) -> None:
 
 
 def _set_position(signal: Signal, row: np.void) -> None:
-    """DBC counts bits from 0 at the least significant bit of each byte, and `start` is the most significant
-    bit of a big-endian signal."""
+    """DBC counts bits from each byte's least significant; `start` of a big-endian signal is its most significant."""
     if signal.byte_order == "little_endian":
         row["first_byte"], row["step"], row["shift"] = signal.start // 8, 1, signal.start % 8
     else:
@@ -86,10 +82,7 @@ def _set_position(signal: Signal, row: np.void) -> None:
 
 
 def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
-    """Lowest and highest raw value by the declared range and by the field, both float64 the field holds.
-
-    A declared range in which no code lies counts as none.
-    """
+    """Lowest and highest raw value by declared range and field, in float64; a range without a code counts as none."""
     row["least"], row["most"] = -math.inf, math.inf
     lowest, highest = _field_range(signal)
     largest = _largest_value(signal, is_j1939)
@@ -129,10 +122,7 @@ def _declared_range(signal: Signal) -> tuple[float, float]:
 
 
 def _largest_value(signal: Signal, is_j1939: bool) -> int | None:
-    """The largest code that is a value by J1939 and by the names of the value table; None where they exclude none.
-
-    Fields below a byte, and tables that name every code, are enumerations.
-    """
+    """The largest code that is a value by J1939 and value table; None: no exclusion, or an enumeration."""
     if signal.conversion.is_float or signal.length < 8:
         return None
     largest = code = (1 << signal.length - signal.is_signed) - 1
@@ -159,7 +149,6 @@ def _set_reserved_codes(signal: Signal, row: np.void, location: str) -> None:
 
 
 def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: str) -> int:
-    """The code nearest to `code` whose value is within the limits and not reserved."""
     value = core.raw_value(code, row)
     if not row["lowest"] <= value <= row["highest"]:
         return code  # clamping keeps every number away from it

@@ -35,11 +35,9 @@ def protection_of(profile: int | None, data_id: int | None) -> np.void:
 
 @dataclass(frozen=True)
 class MessageLayout:
-    """Layout of a message besides its signals.
+    """Layout of a message besides its signals; None where the database states nothing. length [bytes].
 
-    `length` is in bytes. The time between two samples, the time between two frames and the number of samples in a
-    frame stay None unless the database states them. `e2e_profile` is the AUTOSAR profile number, None without
-    protection.
+    `e2e_profile` is the AUTOSAR profile number, None without protection.
     """
 
     name: str
@@ -67,10 +65,7 @@ class MessageLayout:
 
     @classmethod
     def of(cls, message: Message, bus: int = 0) -> "MessageLayout":
-        """Read the layout of `message`, which is on the bus of this number.
-
-        Raises `UserError`: an attribute is not a number, or a protected message has no data id.
-        """
+        """Reads the layout of `message`. Raises `UserError`: an attribute is no number, or no data id protects it."""
         e2e_profile = _integer_attribute(message, "E2EProfile") or None
         e2e_data_id = _integer_attribute(message, _DATA_ID)
         if e2e_profile in PROFILES and e2e_data_id is None:
@@ -93,10 +88,7 @@ class MessageLayout:
 
 
 def database_hash(paths: Iterable[Path]) -> int:
-    """First 32 bits of the SHA-256 over the bytes of all files, in the order given.
-
-    Raises `UserError`: a file cannot be read.
-    """
+    """First 32 bits of the SHA-256 over the bytes of all files, in this order. Raises `UserError`: unreadable."""
     digest = hashlib.sha256()
     for path in paths:
         try:
@@ -117,10 +109,8 @@ def find_message(database: Database, name: str) -> Message:
 def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tuple[str, ...]:
     """Names of the signals of a mapping, in sample order.
 
-    A list names them one by one; text with a replacement field, such as `"RailPressure_{:02d}"`, means all
-    signals it produces with 0, 1, 2, ... (or 1, 2, ...); text without one names a single signal.
-
-    Raises `UserError`: a signal is not in the message, or the pattern produces none or leaves out a number.
+    A list names them singly, text with a replacement field (`"RailPressure_{:02d}"`) all it produces with 0 or 1, 2,
+    ..., other text one. Raises `UserError`: a signal is not in the message, or the pattern leaves out a number.
     """
     names = [signal.name for signal in message.signals]
     location = f"message {message.name}"
@@ -149,17 +139,16 @@ def find_signal(message: Message, name: str) -> Signal:
 
 
 def reserved_codes(signal: Signal) -> tuple[int | None, int | None]:
-    """Raw codes of "not available" and of "error", None without: attributes `GenSigSNA` and `GenSigError`.
+    """Raw codes of "not available" and "error", by `GenSigSNA`, `GenSigError` or the value table's names, or None.
 
-    Without these, the codes of such names in the value table. Raises `UserError`: an attribute is not a code of the
-    signal's width.
+    Raises `UserError`: an attribute is not a code of the signal's width.
     """
     not_available = _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
     return not_available, _raw_code(signal, "GenSigError", ERROR_NAMES)
 
 
 def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:
-    """The code as the bits of the field. Negative is a code for a signed signal, -1 means none otherwise."""
+    """The code as the bits of the field; -1 of an unsigned signal means none, other negatives are codes."""
     code = stated = _integer_attribute(signal, attribute)
     if stated is None and not signal.conversion.is_float:
         plain = ((int(value), str(name).strip().lower()) for value, name in (signal.choices or {}).items())
@@ -177,7 +166,7 @@ def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | N
 
 
 def _integer_attribute(owner: Message | Signal, name: str) -> int | None:
-    """A database attribute set at `owner` itself as an integer; text like "0xFFFF" is accepted."""
+    """A database attribute at `owner` itself as an integer; text like "0xFFFF" is accepted."""
     attributes = owner.dbc.attributes if owner.dbc is not None else None
     if not attributes or name not in attributes:
         return None

@@ -1,7 +1,6 @@
 """Multiplexed signals of a bus database: the conditions under which a frame carries them.
 
-A multiplexed signal is in a frame only where its selector has one of the values the database lists; the selector
-may be multiplexed itself (extended multiplexing), so a signal has one condition for every selector above it.
+A signal is in a frame where its selector has a listed value; selectors may be multiplexed themselves.
 """
 
 from collections.abc import Iterable, Mapping
@@ -30,10 +29,7 @@ Conditions: TypeAlias = frozenset[Condition]
 
 
 class Selection(NamedTuple):
-    """Conditions as compiled functions see them.
-
-    Rows of `conditions` that follow each other with one selector are its alternatives; every selector must match.
-    """
+    """Conditions for compiled code: rows of one selector in succession are alternatives; all selectors must match."""
 
     selectors: Structs  # SIGNAL
     conditions: Structs  # CONDITION
@@ -83,10 +79,7 @@ def are_exclusive(first: Conditions, second: Conditions) -> bool:
 
 
 def frame_kinds(conditions: Iterable[Conditions]) -> tuple[Mapping[str, int], ...]:
-    """Selector values of as few frames as it takes to carry signals under all these conditions.
-
-    In the order of the conditions; one frame without selectors where nothing is multiplexed.
-    """
+    """Selector values of as few frames as carry signals under all conditions, in their order; one frame if none."""
     wanted = list(dict.fromkeys(conditions))
     kinds: list[tuple[int, dict[str, int]]] = []
     # A frame for a nested signal also carries what its outer selector alone selects: those first.

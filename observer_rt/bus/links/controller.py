@@ -32,10 +32,9 @@ _STATES = (  # the worst first: one frame may name several
 
 @dataclass(frozen=True)
 class BusCondition:
-    """State of the controller, and what was counted since the link was opened.
+    """State of the controller, and counts since the link was opened.
 
-    `passives`, `bus_offs`: how often it came into these states; `restarts`: how often it came back from bus-off;
-    `overruns`: how often it had no room for a received frame; `error_frames`: all error frames.
+    `restarts`: returns from bus-off; `overruns`: frames received without room; `error_frames`: all of them.
     """
 
     state: BusState = BusState.ACTIVE

@@ -9,10 +9,9 @@ from observer_rt.foundation.errors import RunError, UserError
 
 
 class DescriptorLink(SocketCanLink):
-    """Link over one end of a pair of sockets that keep messages apart (AF_UNIX, SOCK_SEQPACKET or SOCK_DGRAM).
+    """Link over one end of a message-keeping pair of sockets (AF_UNIX, SOCK_SEQPACKET or SOCK_DGRAM).
 
-    Each message is a `struct canfd_frame` or `struct can_frame`. `channel`: the descriptor's number, which stays open
-    when the link is closed.
+    Each message is a `struct canfd_frame` or `struct can_frame`; `channel`: number of the descriptor, left open.
     """
 
     def _connect(self) -> None:

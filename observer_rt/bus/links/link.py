@@ -71,10 +71,9 @@ class BusDownError(LinkDownError):
 
 
 class Link(Protocol):
-    """An open connection to one CAN bus; a context manager that closes it.
+    """An open connection to one CAN bus; a context manager that closes it; it receives no own frames.
 
-    Own frames are not received. Remote and error frames are left out; the content of error frames is in `condition`.
-    One thread may receive while others send.
+    Remote and error frames are left out (`condition`). One thread may receive while others send.
     """
 
     @abstractmethod
@@ -86,12 +85,10 @@ class Link(Protocol):
 
     @abstractmethod
     def send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED) -> None:
-        """Send one data frame, `flags` if a CAN FD frame. Waits a moment for a full queue.
+        """Send one data frame, `flags` if CAN FD; a controller may set its error state indicator itself.
 
-        A controller may set the error state indicator by itself.
-
-        Raises as `receive`, also where the queue stays full or no CAN FD is carried; `ValueError` for a payload too
-        long for a frame of this kind.
+        Waits a moment for a full queue. Raises as `receive`, also for a queue that stays full or a bus without CAN
+        FD; `ValueError` for a payload too long for the frame.
         """
 
     def try_send(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool) -> bool:

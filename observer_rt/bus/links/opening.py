@@ -61,14 +61,11 @@ def open_link(
 ) -> Link:
     """Connect to `channel` of a python-can interface; `socketcan` is served by a faster implementation.
 
-    `descriptor` is no interface: `channel` is the number of a socket this process was given.
-
-    `fd`: allow CAN FD frames. `receive_ids`: the (identifier, is extended) pairs wanted; None means all,
-    empty none. `computer_time`: stamp by the clock of this computer even if interface or driver have a better one,
-    so that stamps of several links can be compared. `bit_rates` [bit/s], the second of the data of CAN FD frames: for
-    drivers of python-can, whose own configuration files do not count; empty: as these begin. SocketCAN has its own.
-
-    Raises `UserError` without the interface or its driver, `RunError` where the interface cannot be used.
+    `descriptor` is no interface: `channel` is a socket number given to this process. `fd`: allow CAN FD frames.
+    `receive_ids`: wanted (identifier, is extended) pairs, None: all. `computer_time`: stamp by this computer's clock,
+    to compare links. `bit_rates` [bit/s]: of python-can's drivers, whose configuration files do not count; the second
+    of CAN FD data; empty: as these begin. Raises `UserError` without the interface or driver, `RunError` where it
+    cannot be used.
     """
     require_interface("link.interface", interface)
     if interface == "socketcan":
@@ -85,8 +82,7 @@ def open_link(
 def first_heard(links: Mapping[int, Link], stop: threading.Event) -> BusFrame | None:
     """The first frame of another node within `LISTENING` on links, by bus; None: nobody else sends.
 
-    links: they receive only the messages that will be sent; `stop` ends the listening early. Raises `RunError` when a
-    link fails.
+    links: receive only messages that will be sent; `stop` ends listening early. Raises `RunError` when one fails.
     """
     end = time.monotonic() + LISTENING
     while time.monotonic() < end and not stop.is_set():

@@ -57,7 +57,6 @@ class PythonCanLink(Link):
         computer_time: bool = False,
         bit_rates: Sequence[float] = (),
     ) -> None:
-        """See `open_link`."""
         self._interface, self._fd = interface, fd
         self._name = f"{interface} channel {channel}"
         # some drivers want a number

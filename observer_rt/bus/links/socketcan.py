@@ -1,7 +1,4 @@
-"""A link over a raw SocketCAN socket: one system call a frame, exact time stamps, lost frames counted.
-
-Receive stamps are those a socket delivers beside a frame, in integer nanoseconds since 1970.
-"""
+"""A link over a raw SocketCAN socket: one system call a frame, stamps in integer ns since 1970, losses counted."""
 
 import array
 import errno
@@ -40,8 +37,7 @@ FRAME_BYTES = 768  # about what a received frame takes of the receive buffer
 SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
 SEND_PATIENCE_S = 0.5
 
-# struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
-# unused, data. The whole size says which of the two was read.
+# can_frame: identifier, length, 3 unused, data; canfd_frame: identifier, length, flags, 2 unused, data.
 _HEADER = struct.Struct("=IBB2x")
 _CLASSIC_FRAME = struct.Struct("=IB3x8s")
 _FD_FRAME = struct.Struct("=IBB2x64s")
@@ -54,9 +50,8 @@ _ERROR_CLASSES = controller.ErrorClass.CONTROLLER | controller.ErrorClass.BUS_OF
 class StampReader:
     """Reads the stamps of one socket; those of the interface itself where it offers them.
 
-    The clock of an interface starts anywhere and nobody sets it: its stamps are carried to the computer's time by
-    one offset, that of the first frame. Distances between stamps are those of the interface's clock, whatever the
-    computer's load or changes of its time; from that time they differ by what the two have drifted apart since.
+    An interface's clock starts anywhere: the first frame's offset carries its stamps to the computer's time.
+    Distances between stamps stay the interface's, whatever the computer does; the two clocks drift apart.
     """
 
     def __init__(self, can_socket: socket.socket, channel: str, computer_time: bool = False) -> None:
@@ -103,7 +98,6 @@ class SocketCanLink(link.Link):
     def __init__(
         self, channel: str, fd: bool, receive_ids: Sequence[tuple[int, bool]] | None, computer_time: bool = False
     ) -> None:
-        """See `open_link`."""
         if not hasattr(socket, "AF_CAN"):
             raise UserError("link.interface", "socketcan needs Linux", "use another python-can interface")
         self._channel = channel

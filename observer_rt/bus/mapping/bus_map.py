@@ -103,18 +103,12 @@ def layout_of(bus: BusMap, stream: int) -> MessageLayout:
 
 
 def map_bus(bench: Bench) -> BusMap:
-    """Compile the mapping of a bench with one injector.
-
-    Raises `UserError` naming bench file, key and what the database has instead.
-    """
+    """Compile a bench's mapping with one injector. Raises `UserError` naming bench file, key and alternatives."""
     return _map_injector(bench.injector, BenchDatabases(bench))
 
 
 def _map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
-    """Compile the mapping of one injector of a bench, whose `databases` are all injectors'.
-
-    Raises `UserError` naming bench file, key and what the database has instead.
-    """
+    """Compile one injector's mapping, whose `databases` are all injectors'. Raises as `map_bus`."""
     inputs, layouts, slow = _map_inputs(injector, databases)
     outputs = injector.config.outputs
 
@@ -141,7 +135,6 @@ def _map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
 
 
 def _renumbered(message: Message, identifier: int | None) -> Message:
-    """The message under another identifier, if one is given."""
     if identifier is None:
         return message
     moved = copy(message)

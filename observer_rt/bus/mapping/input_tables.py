@@ -1,7 +1,6 @@
 """Input frames as compiled code sees them: tables of messages, of sample groups, of optional inputs and of signals.
 
-A frame carries all samples of a role, or those under one value of a multiplexer: a group. Optional inputs are
-on no time grid.
+A frame carries all samples of a role, or a group: those under one multiplexer value.
 """
 
 from collections.abc import Sequence
@@ -39,10 +38,7 @@ class SampleGroup:
 
 
 def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup, ...]:
-    """Groups that make up the list `samples`, in its order.
-
-    Raises `UserError` if the list returns to an earlier group, or if one frame may carry two of its groups.
-    """
+    """Groups of `samples` in order. Raises `UserError`: the list returns to one, or a frame carries two of them."""
     groups: list[SampleGroup] = []
     for conditions, names in groupby(samples, lambda name: multiplexing.conditions_of(message, name)):
         offset = groups[-1].offset + groups[-1].count if groups else 0

@@ -1,7 +1,6 @@
 """Optional inputs, from bench file and bus database: the frames and signals that carry them.
 
-The energizing of the injector is either a level, 0 while the injector is not energized, one or several samples a
-frame; or a duration, one value a frame, 0 without energizing.
+Energizing is a level, 0 while off, one or several samples a frame; or a duration, one a frame, 0 without.
 """
 
 import math
@@ -126,10 +125,7 @@ class SlowMessage(NamedTuple):
 def map_optional(
     injector: BenchInjector, databases: BenchDatabases, tables: input_tables.InputTables, timing: Structs
 ) -> tuple[SlowMessage, ...]:
-    """Add the optional inputs to the tables; returns the messages that carry them. timing: of all streams.
-
-    Raises `UserError` naming bench file and key.
-    """
+    """Adds optional inputs to the tables; returns their messages. Raises `UserError` naming bench file and key."""
     by_message: dict[tuple[str, int], tuple[BusMessage, list[tuple[OptionalRole, SlowSignalConfig]]]] = {}
     for role, config in injector.config.signals.optional:
         source = databases.find(injector.location(f"signals.{role}.message"), config.message, config.link)

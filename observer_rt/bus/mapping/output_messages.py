@@ -21,10 +21,9 @@ RATE_PATTERN = "InjectionRate_{:02d}"
 
 
 class OutputPage(NamedTuple):
-    """Frame of an output message.
+    """Frame of an output message: the known signals, their table and places among all; blank: without values.
 
-    names, table: of the known signals in it; blank: the frame without their values; places: of these signals among
-    all known ones; selection: selector values by which a received frame is this one.
+    selection: selector values by which a received frame is this one.
     """
 
     names: tuple[str, ...]
@@ -50,10 +49,7 @@ class RateMessage(NamedTuple):
 
 
 def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> OutputMessage:
-    """A message for the bus of this number, with as many of `signals` as it has.
-
-    Raises `UserError`: its protection is not supported, or a signal cannot be encoded.
-    """
+    """Message for a bus with as many of `signals` as it has. Raises `UserError`: bad protection or signal."""
     present = {signal.name for signal in message.signals}
     conditions = {name: multiplexing.conditions_of(message, name) for name in signals if name in present}
     kinds = multiplexing.frame_kinds(conditions.values())
@@ -69,10 +65,7 @@ def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> Ou
 
 
 def rate_message(message: Message, bus: int = 0) -> RateMessage:
-    """A message for the bus of this number, with its rates and as many of `HEADER_SIGNALS` as it has.
-
-    Raises `UserError`: it has no rates, is multiplexed, or cannot be encoded.
-    """
+    """Message for a bus with its rates and any `HEADER_SIGNALS`. Raises `UserError`: no rates, or multiplexed."""
     rates = signal_names(message, RATE_PATTERN)
     output = output_message(message, (*HEADER_SIGNALS, *rates), bus)
     if len(output.pages) > 1:

@@ -39,11 +39,10 @@ LATENCY = SentQuantity(1e-6, 0.0, "s", has_error=False)
 class OutputSignal:
     """A signal of a message of ours.
 
-    source: what its value is, as `engine.service.messages.value_of` finds it. bits: how many; fd: the first one in
-    `observer_fd.dbc`; page, classic: multiplexed by which page of `observer_classic.dbc`, and its first bit there;
-    without any it has room in neither, but a message of a user's own may have it. quantity: None: a whole number,
-    which stays at its largest value or, if it wraps, begins anew. says: comment of the databases. counts, remedy:
-    what a counter counts, and what to do about it (docs/operating.md).
+    source: of its value, as `engine.service.messages.value_of` finds it. fd: first of its bits in `observer_fd.dbc`;
+    page, classic: its page and first bit in `observer_classic.dbc`; without any it has room in neither, but a user's
+    message may have it. quantity: None: a whole number, which stays at its largest or, if it wraps, begins anew.
+    says: comment of the databases; counts, remedy: of a counter (docs/operating.md).
     """
 
     source: str

@@ -41,7 +41,7 @@ def role_range(bus: BusMap, role: Role) -> RoleRange:
 
 
 def _received(value: float, signal: Structs, length: int) -> float:
-    """What the receiver makes of a value in the database's unit; signal: its table; length: of the frame [bytes]."""
+    """A value in the database's unit as received; signal: its table; length of the frame [bytes]."""
     payload, decoded = np.zeros(length, np.uint8), np.empty(1)
     encode_signals(np.array([value]), signal, payload)
     decode_signals(payload, signal, decoded)
@@ -55,7 +55,6 @@ def role_resolution(bus: BusMap, role: Role, value: float) -> float:
 
 
 def _groups(bus: BusMap, number: int, role: Role) -> list[np.void]:
-    """Groups of one input message with samples of a role."""
     message = bus.inputs.messages[number]
     first = int(message["first_group"])
     groups = bus.inputs.groups[first : first + int(message["group_count"])]
@@ -73,7 +72,6 @@ def _samples(bus: BusMap, role: Role) -> list[Structs]:
 
 
 def _step(signal: np.void, value: float) -> float:
-    """Step of a signal near a physical value, in the database's unit."""
     scale = abs(float(signal["scale"]))
     kind = int(signal["kind"])
     if kind not in _FLOAT_TYPES:

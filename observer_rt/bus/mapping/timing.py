@@ -94,10 +94,7 @@ def number_signal(injector: BenchInjector, message: Message, roles: Sequence[Rol
 
 
 def index_signal(location: str, message: Message, name: str) -> Signal:
-    """The signal `name` that is to be the sample index of a message.
-
-    Raises `UserError` at `location`, a key of the bench file, if it is missing or cannot serve as an index.
-    """
+    """The signal `name`, sample index of a message. Raises `UserError` at `location` if missing or no index."""
     if not any(signal.name == name for signal in message.signals):
         raise UserError(
             location,

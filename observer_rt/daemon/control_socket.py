@@ -1,9 +1,8 @@
 """The daemon's one local socket: a request is a line of JSON, its answer one or bytes, for whoever may open its file.
 
-The socket stands beside the lock of the file that the daemon keeps, else beside its bench file: a process that sees
-the file sees the socket, too, even through a folder shared with a container. Where the daemon may write neither, the
-socket is below `RUN`. A request is an object whose `request` is its name; an answer that has `error` refuses. Clients
-of another user and group may only look, as on a bus; they have places of their own and keep nobody else out.
+It stands beside the lock of the file that the daemon keeps, else beside its bench file: whoever sees the file sees
+the socket, even through a folder shared with a container. It is below `RUN` where the daemon may write neither. A
+request has its name in `request`; an answer with `error` refuses. Clients of another user and group may only look.
 """
 
 import errno
@@ -196,7 +195,6 @@ class _Client(StreamRequestHandler):
 
 
 def _credentials(client: socket.socket) -> tuple[int, int, int]:
-    """Process, user and group of a client."""
     credentials = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     process, user, group = _CREDENTIALS.unpack(credentials)
     return process, user, group
@@ -220,7 +218,6 @@ def _address(kept: Path) -> Iterator[str]:
 
 
 def _owner(kept: Path) -> str:
-    """The user whose daemon keeps a file, as far as the file system shows it."""
     path = Path(os.path.realpath(kept) + ".socket")
     for ancestor in (path, *path.parents):
         with suppress(OSError, KeyError):

@@ -48,11 +48,10 @@ class Daemon:
         on_thread: Callable[[], object] = lambda: None,
         evidence_kept: Callable[[], int] = lambda: 0,
     ) -> None:
-        """links: of all buses, in order. knowledge: restored from an earlier run.
+        """links: of all buses, in order; knowledge: restored from an earlier run.
 
-        on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
-        so far, of whoever writes files beside the loop; for the status. on_thread: called first by the loop's thread,
-        to claim its rights. evidence_kept: events kept so far; for the status.
+        on_alive: called by the loop ten times a second; failed_writes, evidence_kept: numbers for the status;
+        on_thread: called first by the loop's thread, to claim its rights.
         """
         self._links = links
         self._bus_map = bus_map
@@ -90,8 +89,7 @@ class Daemon:
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set, then publish complete results and a last status frame.
 
-        An interface that goes down or away is waited for, while the others are served. Raises `RunError` when
-        a link fails otherwise.
+        Waits for an interface that is down, serving the others; raises `RunError` when a link fails otherwise.
         """
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
@@ -113,7 +111,6 @@ class Daemon:
             self._executor.shutdown(cancel_futures=True)
 
     def _serve_once(self) -> None:
-        """Serve what the pump brings; send results, and status when it is due."""
         try:
             results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
         except BusDownError as error:
@@ -169,7 +166,6 @@ class Daemon:
         self._is_waiting = any(port.is_waiting for port in self.ports)
 
     def _lose_bus(self, bus: int, error: LinkDownError) -> None:
-        """Go on without a link that failed, until the link is up again."""
         self._pump.leave_out(bus)
         self._buses_down.append(bus)
         self.ports[bus].go_down(error)

@@ -33,10 +33,7 @@ LAST_EVENTS = 5.0  # s for the last ones to be written
 
 @contextmanager
 def evidence_keeper(injector: BenchInjector, folder: Path, tell: Callable[[str], None]) -> Iterator["EvidenceKeeper"]:
-    """Keeper of an injector's evidence in a folder, which is its own while it lasts.
-
-    Raises `UserError` for a folder that cannot be made, or is another daemon's.
-    """
+    """Keeper of an injector's evidence in its own folder. Raises `UserError`: another daemon's, or unmakeable."""
     make_folder(injector.location("evidence.folder"), folder)
     with sole_writer(folder / OBSERVER):
         yield EvidenceKeeper(injector, folder, tell)
@@ -110,7 +107,6 @@ class EvidenceKeeper:
             thread.join(LAST_EVENTS)
 
     def _hand_on(self) -> None:
-        """Queue the event at hand."""
         reports, inputs, core = self._reports, self._inputs, self._core
         self._reports, self._inputs = [], None
         if not reports or inputs is None or core is None:

@@ -27,7 +27,7 @@ class Pace:
     """Keeps fed buses abreast: stamps by arrival do not tell the order of frames that waited in several drivers."""
 
     def __init__(self, core: Core, bus_map: BusMap, is_silent: Callable[[int], bool]) -> None:
-        """is_silent: whether no frame of a bus is on its way, which then holds up no other."""
+        """is_silent: no frame of a bus is on its way, which then holds up no other."""
         self._core = core
         self._buses = [layout_of(bus_map, stream).bus for stream in range(len(bus_map.inputs.streams))]
         self._are_several = len(set(self._buses)) > 1
@@ -56,10 +56,7 @@ class Pace:
 
 
 class Feeder(DescriptorLink):
-    """The loop's end of a pair of sockets, and two threads at the other: frames of a link come, results go to it.
-
-    `try_send` puts other results behind the rates that the loop sends.
-    """
+    """The loop's end of a socket pair; two threads at the other move frames in and results out, behind rates."""
 
     def __init__(self, link: Link, bus: int, is_ahead: Callable[[], bool]) -> None:
         """bus: its number; is_ahead: whether the frame that came is to wait."""
@@ -115,7 +112,6 @@ class Feeder(DescriptorLink):
         self._other_end.close()
 
     def _receive_frames(self) -> None:
-        """Brings frames from the link to the loop."""
         try:
             while not self._ended.is_set():
                 frame = self._link.receive(LONGEST_WAIT)

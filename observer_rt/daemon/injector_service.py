@@ -42,10 +42,9 @@ class StoppedError(Exception):
 
 @dataclass(frozen=True)
 class LinkOpening:
-    """Opens the links of an injector. on_alive: called while it waits.
+    """Opens the links of an injector; on_alive: called while it waits.
 
-    Its methods raise `StoppedError` when `stop` is set meanwhile, `UserError` or `RunError` for a failure that
-    waiting does not end.
+    Its methods raise `StoppedError` when `stop` is set, `UserError` or `RunError` where waiting does not help.
     """
 
     bench: Bench
@@ -55,10 +54,7 @@ class LinkOpening:
     on_alive: Callable[[], None]
 
     def links(self) -> Iterator[Link]:
-        """Opens the links of all buses in order, each as soon as it can be; own identifiers are listened to, too.
-
-        A bus of other injectors only is neither opened nor waited for.
-        """
+        """Opens the links of its own buses in order, as soon as it can; own identifiers are listened to, too."""
         used = self.bus_map.buses
         for number, named in enumerate(self.bench.config.buses):
             if number not in used:
@@ -85,10 +81,7 @@ class LinkOpening:
                 self.tell(Notice(Topic.SENDER, text))
 
     def _wait_for_link(self, number: int, messages: Iterable[MessageLayout], computer_time: bool) -> Link:
-        """The link of a bus, opened once its interface is there; it reads those of these messages that are on it.
-
-        computer_time: as of `open_link`.
-        """
+        """The link of a bus, opened once its interface is there, for messages on it."""
         named = self.bench.config.buses[number]
         wanted = list({(layout.frame_id, layout.is_extended): None for layout in messages if layout.bus == number})
         config = named.config
@@ -180,10 +173,7 @@ class InjectorService:
         return self._bench.with_lift_sensor(is_dead=not was_dead)
 
     def run(self, stop: Event) -> None:
-        """Serve until `stop` is set.
-
-        Raises `UserError` or `RunError` for a link that fails, and for files that cannot be written at the end.
-        """
+        """Serve until `stop` is set. Raises `UserError` or `RunError` for a failing link, or files not written."""
         with ExitStack() as stack:
             opening = LinkOpening(self._bench, self._bus, self._tell, stop, self._notifier.alive)
             try:
@@ -219,7 +209,6 @@ class InjectorService:
 
     @property
     def _buses(self) -> str:
-        """Interfaces and channels of its buses."""
         links = self._bench.config.buses
         return ", ".join(f"{links[n].config.interface} {links[n].label}" for n in sorted(self._bus.buses))
 
@@ -273,10 +262,7 @@ class InjectorService:
 
 
 def serve_in_thread(service: InjectorService, stop: Event, meanwhile: Callable[[Event], None] | None) -> None:
-    """Serve in a thread of its own until `stop` is set, or it ends, which sets it; raises what ended it.
-
-    meanwhile: is done in this thread until then.
-    """
+    """Serve in a thread until `stop` is set, or it ends, and do `meanwhile`; raises the thread's error."""
     failures: list[BaseException] = []
 
     def run() -> None:

@@ -92,10 +92,7 @@ class MessageWatch:
         """Troubles in force."""
 
     def look(self, now: int, progress: Sequence[int], protection: Sequence[int]) -> Iterator[Notice]:
-        """Notices at a time [ns].
-
-        progress: the sample index every stream got to; protection: `E2EState` of every input message.
-        """
+        """Notices at a time [ns], by the sample index of every stream and `E2EState` of every input message."""
         troubles = {source: self._trouble(source, now, progress, protection) for source in self._rows}
         silent = {source for source, trouble in troubles.items() if trouble is Trouble.SILENT}
         if self._sampled <= silent:
@@ -152,10 +149,7 @@ class FrameWatch:
         self._reported: set[str] = set()
 
     def look(self, counters: Counters, is_explained: bool, dropped: int = 0) -> Iterator[Notice]:
-        """Notices of a look; is_explained: another watch has already reported why frames are useless.
-
-        dropped: frames that this computer has lost so far.
-        """
+        """Notices; is_explained: another watch said why frames are useless; dropped: frames this computer lost."""
         since = dropped - self._dropped[0]
         self._dropped.append(dropped)
         lost, self._lost = (counters.lost_samples - self._lost) / self._rate, counters.lost_samples

@@ -63,7 +63,7 @@ class JournalWriter:
     """
 
     def __init__(self, path: Path, bench: Bench, tell: Callable[[str], None]) -> None:
-        """Raises `UserError` for a file that is no journal; the file is made by the first `write`."""
+        """Raises `UserError` for a file that is no journal; the first `write` makes the file."""
         require_journal(path)
         self.name = f"journal {path}"
         self.lost = 0
@@ -158,7 +158,7 @@ class JournalWriter:
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """A connection to the file that is there now: all of a transaction reaches the disk, or `RunError`."""
+        """A connection to the file there now: all of a transaction reaches the disk, or `RunError`."""
         try:
             if self._connection is None:
                 self._connection = _connected(self._path)
@@ -172,7 +172,6 @@ class JournalWriter:
             raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
 
     def _disconnect(self) -> None:
-        """Close the connection: the next write begins with its own."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
@@ -208,7 +207,7 @@ def require_journal(path: Path) -> None:
 
 
 def _connected(path: Path) -> sqlite3.Connection:
-    """A connection that survives power cuts, to a journal, which is begun where there was no file."""
+    """A connection to a journal, begun if need be, that survives power cuts."""
     connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("PRAGMA journal_mode = WAL")
@@ -238,10 +237,7 @@ class JournalContent(NamedTuple):
 
 
 def read_journal(path: Path) -> JournalContent:
-    """A journal as it is now; an entry written meanwhile is seen whole or not at all.
-
-    Raises `UserError`: it does not exist, is no journal, or is damaged.
-    """
+    """A journal as it is now, entries whole. Raises `UserError`: missing, no journal, or damaged."""
     if not path.exists():
         raise UserError(str(path), "no such file", "name the file given to `observer-rt run --journal`")
     require_journal(path)

@@ -32,7 +32,7 @@ class RetryingWriter:
     """Tries to write a file; reports the beginning and the end of a failure once each."""
 
     def __init__(self, file: "LearnedState | JournalWriter", interval: float, tell: Tell) -> None:
-        """interval [s]: time until the next attempt, for the message."""
+        """interval [s]: until the next attempt, for the message."""
         self.failures = 0
         self._file = file
         self._interval = interval
@@ -92,10 +92,7 @@ class Keeper:
 
     @contextlib.contextmanager
     def keeping(self, source: KnowledgeSource) -> Iterator[None]:
-        """While it lasts, write new results within `save_within_s`; at the end, a last time.
-
-        Raises `UnsavedError` when the last write fails.
-        """
+        """While it lasts, write new results within `save_within_s`; at the end, a last time, or `UnsavedError`."""
         # what comes just after a write waits for the next one, and for its end
         interval = self._injector.config.state.save_within_s / 2
         state = LearnedState(self.state, self._injector, source) if self.state is not None else None
@@ -154,10 +151,7 @@ class KeptFiles(NamedTuple):
 
 
 def kept_files(injector: BenchInjector, state: Path | None = None, journal: Path | None = None) -> KeptFiles:
-    """Files that an injector keeps: by the command line, else by the bench file.
-
-    Raises `UserError` for files that cannot be kept, or are of another kind.
-    """
+    """Files that an injector keeps, by command line or bench file. Raises `UserError` for other kinds."""
     owners = {path.resolve(): str(path) for path in (injector.file.path, injector.parameters_path)}
     files = KeptFiles(state or injector.state, journal or injector.journal)
     options = (

@@ -178,7 +178,7 @@ class EventLogger:
     """Listener that logs in words."""
 
     def __init__(self, log: ServiceLog, notifier: Notifier, c: Coefficients, name: str) -> None:
-        """c: of the nominal model; name: of the injector, for records; empty: it has none."""
+        """c: of the nominal model; name: of the injector, for records; may be empty."""
         self._log = log
         self._named = {"injector": name} if name else {}
         self._notifier = notifier

@@ -20,19 +20,15 @@ SILENCE = 10.0  # s without an outage, after which the same one is reported agai
 
 
 class Port:
-    """A link that is up, or down and being reconnected, and the results that wait for room on it.
+    """A link up, or down and being reconnected, and results that wait for room on it.
 
-    Results are sent in order; of more than `CAPACITY` the oldest are given up. Nothing here waits: other buses go on
-    meanwhile.
+    Results are sent in order; beyond `CAPACITY` the oldest are given up. Nothing here waits: other buses go on.
     """
 
     def __init__(
         self, label: str, channel: str, link: Link, has_inputs: bool, tell: Callable[[Notice], None]
     ) -> None:
-        """label: what messages call the bus; has_inputs: whether anything is to be received on it.
-
-        tell: takes notices of faults, and of their end.
-        """
+        """label: what messages call the bus; has_inputs: it brings frames; tell: takes notices."""
         self.label = label
         self.link = link
         self.has_inputs = has_inputs
@@ -71,10 +67,7 @@ class Port:
         return not self.is_up or self.link.condition.state in (BusState.PASSIVE, BusState.OFF)
 
     def post(self, frames: Iterable[OutputFrame], by: Link) -> None:
-        """Send results as there is room; while the link is down they are given up. Raises as `Link.try_send`.
-
-        by: the link, or another that sends for it. Nothing is sent twice, whatever is raised.
-        """
+        """Send results once each as there is room, none while down. Raises as `Link.try_send`; by: the sender."""
         self._waiting.extend(frames)
         if not self.is_up:
             self.discard()
@@ -102,7 +95,6 @@ class Port:
         self._waiting.clear()
 
     def _flush(self, by: Link) -> None:
-        """Send waiting results as far as there is room."""
         waiting = self._waiting
         while waiting:
             frame = waiting[0]
@@ -150,10 +142,7 @@ class Port:
         self._is_reported = self._tell_outage(str(error))
 
     def try_reconnect(self, executor: Executor) -> bool:
-        """Try to reconnect, in the executor, when that is due; returns whether the link is up again.
-
-        Raises `RunError` for a link that failed for good.
-        """
+        """Try to reconnect, in the executor, when due; True if up again. Raises `RunError`: failed for good."""
         attempt = self._attempt
         if attempt is None or not attempt.done():
             if attempt is None and time.monotonic() >= self._due:

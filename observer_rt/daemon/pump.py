@@ -80,10 +80,9 @@ def latency_of(memory: np.void) -> Latency | None:
 
 
 class FramePump:
-    """Takes frames from links through a core and sends the rates they cause; bus numbers are the places of links.
+    """Takes frames from links through a core and sends the rates they cause; buses are numbered as links.
 
-    The loop runs until `close`, and asks Python for answers through a descriptor. It reads raw sockets itself; a
-    `Feeder` brings it the frames of every other link.
+    The loop runs until `close`, and asks Python through a descriptor. It reads raw sockets; a `Feeder` brings others.
     """
 
     def __init__(
@@ -95,7 +94,7 @@ class FramePump:
         on_unsent: Callable[[int], None] = lambda count: None,
         on_thread: Callable[[], object] = lambda: None,
     ) -> None:
-        """on_unsent: hears how many rates were given up, now and then; on_thread: called first by the loop's own."""
+        """on_unsent: hears how many rates were given up; on_thread: called first by the loop's own."""
         self._links = links
         self._ends: dict[int, SocketCanLink] = {}  # what the loop reads and writes, by bus
         self._core = core
@@ -128,10 +127,9 @@ class FramePump:
         self._thread.start()
 
     def serve(self, timeout_s: float) -> Sequence[OutputFrame]:
-        """Attend until something happened, for at most about `timeout_s` [s]: frames for the caller to send.
+        """Attend until something happened, or about `timeout_s`: frames for the caller to send.
 
-        Raises `BusDownError` for a bus that went down or away: call `leave_out`, reconnect it, `take_back`, and
-        `RunError` for one that failed otherwise.
+        Raises `BusDownError` for a bus that went down: call `leave_out`, reconnect it, `take_back`; else `RunError`.
         """
         if self._readable.poll(1e3 * timeout_s):
             os.eventfd_read(self._wake)
@@ -226,7 +224,6 @@ class FramePump:
         return isinstance(end, Feeder) and end.is_silent
 
     def _loop(self) -> None:
-        """Runs the compiled loop in its thread."""
         try:
             self._on_thread()
             while self._compiled.run(self._core.compiled, self._wake):

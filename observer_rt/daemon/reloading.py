@@ -1,7 +1,4 @@
-"""Reading the bench file again while it is served: asked for by a signal, or at the daemon's socket.
-
-At the socket a request says which model the file is to name, and is answered once that model is in force.
-"""
+"""Reading the bench file again while it is served: at a signal, or a request answered once its model is in force."""
 
 import time
 from collections import deque
@@ -58,10 +55,7 @@ class Reloading:
     def __init__(
         self, stop: StopRequest, read_again: Callable[[], Bench], say: Callable[[str], None], stack: ExitStack
     ) -> None:
-        """read_again: the bench as its file is now; raises `UserError` for one that may not start.
-
-        say: logs a line; stack: closes the socket.
-        """
+        """read_again: the bench as its file is now, or `UserError`; say: logs a line; stack: closes the socket."""
         self._stop = stop
         self._read_again = read_again
         self._say = say
@@ -96,10 +90,7 @@ class Reloading:
 
     @contextmanager
     def watching(self, bench: Bench, service: InjectorService) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
-        """An event that ends the service, and the bench that is then to take its place, if one is.
-
-        When asked to, the bench file is read and checked, and made ready beside it; it ends between events.
-        """
+        """An event that ends the service, between events, and the bench, read and ready, that takes its place."""
         ended, successors, content = SignalledEvent(), list[Bench](), content_of(bench)
 
         def take_over() -> None:

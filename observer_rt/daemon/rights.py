@@ -73,10 +73,7 @@ def touch(memory: object) -> None:
 
 
 def hurry(processor: int | None, priority: int) -> bool:
-    """Ask for real-time priority and exact wake-ups of the calling thread; whether the priority was granted.
-
-    processor: that it is to stay on, if it still may; priority: 1 to 99, 0: none.
-    """
+    """Ask for a processor, exact wake-ups and real-time priority (1 to 99, 0: none); True if that was granted."""
     if processor is not None:
         with suppress(OSError):
             os.sched_setaffinity(0, {processor})

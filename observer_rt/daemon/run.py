@@ -33,10 +33,9 @@ UNSAVED = "the reload goes on; what was learned with the model before is kept by
 
 @dataclass
 class Serving:
-    """State that outlasts a change of the bench file. screen: of the view, None without one; processor: of the loop.
+    """State that outlasts a change of the bench file; screen: of the view, or None; processor: of the loop.
 
-    learned: knowledge by model. It is not lost where no file keeps it, and counts again when taking over another
-    model is undone.
+    learned: by model, kept even without a file, for when taking over another model is undone.
     """
 
     screen: Console | None
@@ -107,7 +106,6 @@ class Serving:
         return service
 
     def _get_ready(self) -> None:
-        """Claim what the machine grants."""
         if self.stop.is_set():
             return
         self.notifier.ready()
@@ -123,10 +121,9 @@ class Serving:
 
 
 def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> None:
-    """Run the daemon of one injector until SIGINT or SIGTERM, with files instead of those the bench file names.
+    """Run the daemon of one injector until SIGINT or SIGTERM, with files instead of the bench file's.
 
-    read: the bench as its file is now, with all its injectors; raises `UserError` for one that may not start.
-    Raises `UserError` for files that do not fit, `RunError` when links fail.
+    read: gives the bench as now, or `UserError`. Raises `UserError` for unfit files, `RunError` when links fail.
     """
 
     def alone(all_injectors: Bench) -> Bench:

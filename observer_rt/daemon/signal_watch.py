@@ -43,7 +43,6 @@ class _Findings:
     """Faults by key; each is reported once enough looks in a row have found it, and again once they no longer do."""
 
     def __init__(self, looks: int, names: Mapping[str, str]) -> None:
-        """names: what begins a notice."""
         self._looks = looks
         self._names = names
         self._streaks: dict[str, int] = {}  # looks in a row that differ from the report
@@ -242,7 +241,6 @@ class RateWatch:
     """
 
     def __init__(self, rate: float) -> None:
-        """rate: `sampling.rate_hz` of the bench file."""
         self._rate = rate
         self._looks = 0
         self.reported = ""

@@ -1,7 +1,6 @@
-"""What a daemon shows of itself at a moment: as an object, and as it goes over the control socket.
+"""A daemon's state at a moment, as an object and on the control socket.
 
-There it is a line of JSON with the status, then for each injection a line of JSON and its curves as float32,
-little-endian, one curve after the other.
+There: a line of JSON with the status, then for each injection one and its curves as float32, little-endian.
 """
 
 import json

@@ -1,7 +1,4 @@
-"""Snapshots of a daemon: the loop only hands over reports and samples; a client's thread makes the snapshot.
-
-In it are the faults of the daemon, and the lines of its status, in words.
-"""
+"""Snapshots of a daemon, with its faults and status in words: the loop hands over, a client's thread makes them."""
 
 import threading
 import time
@@ -108,7 +105,6 @@ class SnapshotKeeper:
         return self.take(since, bool(request.get("laws"))).pieces()
 
     def _take_in(self) -> None:
-        """Make the entries of new injections, and drop the curves of older ones."""
         pending = [self._news.popleft() for _ in range(len(self._news))]
         samples = {id(report): rows for report, rows in list(self._samples)}  # which come before the news
         for news, moment in pending:
@@ -125,7 +121,7 @@ class SnapshotKeeper:
                 self._kept[-1 - snapshot.WITH_CURVES] = report, replace(shown, curves={})
 
     def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> snapshot.ShownInjection:
-        """Entry of an injection; rows: its samples (n,), None when they are no longer remembered."""
+        """Entry of an injection; rows: its samples (n,), None when no longer remembered."""
         compared = () if rows is None else self._references(report, rows)
         values = {
             **row_of(WITH_BOUND, Output.JOURNAL, report, self._c),
@@ -185,7 +181,7 @@ class SnapshotKeeper:
         )
 
     def _lines(self, daemon: Daemon, now: int) -> Iterator[snapshot.StatusLine]:
-        """Lines of a daemon at a monotonic time [ns]; the noise is looked at every few seconds."""
+        """Lines of a daemon at a monotonic time [ns]; noise is looked at every few seconds."""
         if daemon.arrivals.is_contested(now):
             text = f"another node sends our results: {daemon.arrivals.foreign_frames} frames"
             yield snapshot.StatusLine(text, snapshot.StatusLevel.BAD)
@@ -197,7 +193,7 @@ class SnapshotKeeper:
             yield snapshot.StatusLine(f"noise: {self._noise}")
 
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
-        """Curves of what was learned, worked out once for each event."""
+        """Curves learned, worked out once for each event."""
         if knowledge is not self._learned[0]:
             from observer_rt.engine.reports.learned_laws import learned_laws  # where a page asks for them
 

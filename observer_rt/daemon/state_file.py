@@ -104,7 +104,7 @@ def model_hash(parameters: InjectorParameters) -> str:
 
 
 def _stated(section: BaseModel, dumped: Mapping[str, Any], name: str = "") -> dict[str, Any]:
-    """Keys of an injector file, or of a section of it, that enter the hash. dumped: their values as JSON."""
+    """Keys of an injector file, or section, that enter the hash; dumped: their values as JSON."""
     entering = {}
     for key, plain in dumped.items():
         value, path = getattr(section, key), f"{name}{key}"
@@ -115,9 +115,7 @@ def _stated(section: BaseModel, dumped: Mapping[str, Any], name: str = "") -> di
 
 
 def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) -> None:
-    """Replace the file at `path` by this knowledge; whatever happens meanwhile, the old or the new one is whole.
-
-    model: for which it was learned.
+    """Replace the file at `path` by knowledge for a model; whatever happens, the old or the new one is whole.
 
     Raises `RunError` for what cannot be written, or not be restored; the old file is then unchanged.
     """
@@ -149,10 +147,8 @@ def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) 
 def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True) -> RestoredKnowledge:
     """Restore what `save_knowledge` wrote for the same model.
 
-    A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
-    `NAME.set-aside-N`, with the reason in the message; with `set_aside` False it stays and is refused.
-
-    Raises `StateDoesNotFitError` for a file that is refused, `UserError` for one that cannot be read, or set aside.
+    A file of another model, damaged or impossible is renamed to `NAME.set-aside-N`, or refused without `set_aside`.
+    Raises `StateDoesNotFitError` if refused, `UserError` if it cannot be read or set aside.
     """
     path = Path(os.path.realpath(path))
     try:
@@ -183,7 +179,7 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
 
 
 def _finite_parts(state: Mapping[str, Any], arrays: ArrayTexts) -> Iterator[tuple[str, Any]]:
-    """Parts of the state without their arrays. Raises ValueError where one that a file must hold is not finite."""
+    """Parts of the state without their arrays. Raises ValueError where a needed one is not finite."""
     for name, value in state.items():
         try:
             part = arrays.take_out(value)
@@ -277,10 +273,7 @@ def knowledge_beside(injector_file: Path, model: InjectorParameters, tell: Calla
 
 
 def _problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
-    """Fault that makes knowledge impossible or implausible, in a few words; None without a fault.
-
-    pressure_scale: p_0 [Pa], by which the bounds are counted. A file sees to it that numbers are finite.
-    """
+    """Fault that makes knowledge impossible or implausible, in words, or None; pressure_scale: p_0 [Pa]."""
     state, belief = knowledge.state, knowledge.state.learned.belief
     lowest, highest = SCALARS.bounds(pressure_scale)
     if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
@@ -302,10 +295,9 @@ def _problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
 
 
 def _doubt_of(knowledge: Knowledge) -> str | None:
-    """Reason why every event would be refused with restored knowledge, in a few words; None without a reason.
+    """Reason why every event would be refused with restored knowledge, in words, or None.
 
-    A run that learns of such a sensor reports a fault; a later run may have other signals. An offset is no reason:
-    one that follows the rail pressure is a gain, with which learning goes on.
+    A later run may have other signals. An offset is no reason: one that follows the rail pressure is a gain.
     """
     for theta in (knowledge.state.learned.belief.mean, knowledge.in_force):
         lag = sensor_lag(theta)

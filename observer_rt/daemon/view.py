@@ -36,7 +36,6 @@ class View:
     """Draws a daemon; `render` may be called from another thread than the daemon's."""
 
     def __init__(self, title: str, snapshot: Callable[[], Snapshot]) -> None:
-        """snapshot: takes one of the daemon."""
         self._title = title
         self._snapshot = snapshot
 
@@ -125,7 +124,6 @@ def _verdict(values: Values, in_words: bool) -> Text:
 
 
 def _measured(values: Values) -> tuple[str, str]:
-    """Measured mass, and the error of the estimate."""
     mass = values["measured_mass_mg"]
     if mass is None:
         return "-", "-"

@@ -46,10 +46,7 @@ class Coefficients(NamedTuple):
 
 
 def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> Coefficients:
-    """Coefficients of (25) and the scalings of (24) for an injector.
-
-    Effects in force in `parameters` are not looked at: see `effects.effective_model`.
-    """
+    """Coefficients of (25) and scalings of (24); without effects in force, see `effects.effective_model`."""
     nozzle = nozzle_of(parameters, departures)
     seat_flow = parameters.seat.flow_coefficient * parameters.scaling.area * jet_velocity(parameters)
     return Coefficients(

@@ -1,8 +1,7 @@
-"""The feed line as one lump, (19)-(20), and the closed end that all models of the line share; laws are in core.model.
+"""The feed line as one lump, (19)-(20), and the closed end that all lines share; laws are in core.model.
 
-The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's further states], normalised by (24).
-`line.model` of the injector file chooses a model by name, see `LINES` of `effective.py`. Every model has the members
-of `LumpLine`; the one with waves is in `wave_line.py`.
+x = [p_L at the closed end, Q_L into it, p_S, the line's further states], by (24). `line.model` of the injector file
+chooses a model (`LINES` of `effective.py`); all have `LumpLine`'s members. Waves are in `wave_line.py`.
 """
 
 import math
@@ -49,10 +48,7 @@ def at_closed_end(
 
 
 class LumpLine(model.LumpLine):
-    """A line as numbers, its fields: a1..a4 of (25) and what departs from it.
-
-    Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S.
-    """
+    """A line as numbers: a1..a4 of (25) and departures; its end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S."""
 
     __slots__ = ()
     kind = model.LUMP  # number by which `core/model/interval.pxi` chooses the steps
@@ -105,10 +101,7 @@ class LumpLine(model.LumpLine):
         return np.zeros(self.further)
 
     def transition(self, interval: float) -> tuple[Floats, Floats]:
-        """The line at rest over an interval [s]: its states' (m, m) matrix, the effect of the rail pressure (m,).
-
-        Exact without friction.
-        """
+        """The line at rest over an interval [s] (exact without friction): matrix (m, m), rail's effect (m,)."""
         angle = self.mode * interval
         cosine, sine, impedance = math.cos(angle), math.sin(angle), self.impedance
         return (

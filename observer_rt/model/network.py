@@ -1,11 +1,10 @@
 """The network part of phi: N = W sigma(V z) + b, the relative changes of nozzle and seat flow.
 
-z = [p_S - p_C, A_S, time since the needle opened, p_R] for the nozzle, [A_S, p_L - p_S] for the seat. Every hidden
-neuron is the tanh of the distance of one input, or of the mean of two, from a centre: a law of two inputs at once is
-a curve over their mean beside the curves over each. Together they span how holes and seats are known to depart from
-their laws, and other smooth departures. The layer is fixed, so that phi is linear in the learned weights; a neuron
-that no event excited stays at its prior. What the neurons along one direction add up to is a curve of cubic pieces,
-so that a stage of the integrator looks up one piece instead of computing the neurons.
+z = [p_S - p_C, A_S, time since the needle opened, p_R] for the nozzle, [A_S, p_L - p_S] for the seat. A hidden neuron
+is the tanh of the distance of one input, or of two inputs' mean, from a centre: they span how holes and seats are
+known to depart from their laws, and other smooth departures. The layer is fixed, so that phi is linear in learned
+weights; an unexcited neuron keeps its prior. Neurons along one direction add up to a curve of cubic pieces, so that
+the integrator looks up one.
 """
 
 from collections.abc import Sequence

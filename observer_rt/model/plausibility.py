@@ -1,12 +1,10 @@
 """Plausible ranges of an injector's numbers, and the entries to check if a fitted number lies beyond its range.
 
-The ranges of geometry are generous, from small car injectors to those of large ships: a value beyond them is most
-often in other units than SI. Numbers that a fit determines have physical ranges, because a fit hides wrong geometry
-in them. The bulk modulus of fuels follows from their speed of sound: of diesel some 1.2 to 2.8 GPa from 15 to 180 MPa
-and 298 to 343 K (Payri et al., Fuel 90, 2011), of petrol .7 GPa at least, as of n-hexane, one of its light parts,
-when warm (Khasanshin et al., J. Eng. Phys. Thermophys. 81, 2008). Flow coefficients of holes reach from .61, where
-the flow separates at a sharp edge (Kirchhoff: pi/(pi + 2)), to .9 of rounded, conical holes; a seat's is lower if the
-lift reads too large.
+Ranges of geometry are generous, for values beyond them are mostly in other units. Fitted numbers have physical
+ranges, for a fit hides wrong geometry in them. Bulk modulus by speed of sound: diesel some 1.2 to 2.8 GPa from 15 to
+180 MPa and 298 to 343 K (Payri et al., Fuel 90, 2011), petrol .7 GPa at least, as warm n-hexane, one of its light
+parts (Khasanshin et al., J. Eng. Phys. Thermophys. 81, 2008). Flow coefficients of holes: from .61 at a sharp edge
+(Kirchhoff: pi/(pi + 2)) to .9 of rounded, conical ones; a seat's is lower if the lift reads too large.
 """
 
 from dataclasses import dataclass

@@ -21,10 +21,7 @@ MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sampl
 def refuse_unstable_cells(
     file: str, injector: InjectorParameters, coefficients: Coefficients, interval: float
 ) -> None:
-    """Raise `UserError` where the line's steps in a sample interval [s] are too long for its cells.
-
-    file: name of the injector file; coefficients: of the injector, with its effects.
-    """
+    """Raise `UserError`, naming the injector `file`, if a sample interval [s] gives steps too long for the cells."""
     line = coefficients.line
     strain = line.strain(interval)
     if strain >= STABLE:
@@ -39,10 +36,9 @@ def refuse_unstable_cells(
 
 
 def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: float) -> EffectiveModel | None:
-    """The model with as many of its cells as are stable at a sample interval [s]; None if the fewest are not.
+    """The model with as many of its cells as are stable at an interval [s]; None if the fewest are not.
 
-    highest_pressure: of the rail [Pa]; times OVERSHOOT, fuel that stiffens with pressure is stiffest there. A model
-    with stable cells is returned unchanged.
+    highest_pressure [Pa] of the rail, times OVERSHOOT: stiffening fuel is stiffest there.
     """
     while (strain := _strain(model, interval, highest_pressure)) >= STABLE:
         cells = int(model.coefficients.line.cells)
@@ -83,10 +79,7 @@ def fastest_rate(parameters: InjectorParameters, c: Coefficients) -> float:
 def substeps_needed(
     parameters: InjectorParameters, sample_rate: float, departures: Departures = NO_DEPARTURES
 ) -> int:
-    """Steps of the sac per sample interval that keep the integration stable at `sample_rate` [Hz].
-
-    The number may exceed `MAX_SUBSTEPS`; whether to refuse that is the caller's decision.
-    """
+    """Steps of the sac per sample interval that keep it stable; may exceed `MAX_SUBSTEPS`."""
     c = coefficients(parameters, departures)
     wanted = max(1, math.ceil(fastest_rate(parameters, c) / (RK4_LIMIT * sample_rate)))
     return int(c.line.substeps(wanted, 1.0 / sample_rate))

@@ -44,10 +44,7 @@ def in_surroundings(injector: InjectorParameters, surroundings: Surroundings) ->
 
 
 def at_temperature(injector: InjectorParameters, temperature: float) -> InjectorParameters:
-    """The injector with its fuel at another temperature [K], which becomes its reference temperature.
-
-    Raises `UserError` if it has no reference temperature, or if the linear law no longer describes a fuel there.
-    """
+    """The injector with its fuel at another temperature [K]. Raises `UserError`: no reference, or no law there."""
     fluid = injector.fluid
     if fluid.reference_temperature is None:
         problem = "is missing, so that nothing says at which temperature the densities and bulk moduli hold"

@@ -1,7 +1,4 @@
-"""Terms as effects: the size of such an effect is the coefficient of its law.
-
-So terms are tried, fitted and reported as the effects of the vocabulary are. A law comes as a form (`terms.parser`).
-"""
+"""Terms as effects, tried, fitted and reported alike; size: coefficient of their law, a form of `terms.parser`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

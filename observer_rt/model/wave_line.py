@@ -1,16 +1,14 @@
 """The feed line as a pipe in which pressure travels: cells that store fuel, and faces between them with its inertia.
 
 Pressures p_1 .. p_n at i L/n, p_n at the closed end, the rail's p_0 in front; flows q_1 .. q_n at the faces before
-them, half a step earlier than the pressures. Stepped by `model.leapfrog`: with the right n, the errors of space and
-of time cancel. The end cell is half a cell and the volume beyond the pipe.
+them, half a step earlier. Stepped by `model.leapfrog`: with the right n, errors of space and time cancel. The end
+cell is half a cell and the volume beyond. Waves are damped by a stress proportional to a cell's rate of compression,
+as in a viscous fuel, in the end cell at the time of its flow: half a step later it acts as inertia and costs 1 % of
+mass.
 
-Waves are damped by a stress in proportion to the rate at which a cell is compressed, as in a viscous fuel. In the end
-cell it must belong to the same time as the flow on which it acts: half a step later it would act as inertia, and cost
-1 % of mass.
-
-Friction at the wall depends on earlier changes of the flow (Zielke 1968): a boundary layer that is still thin adds
-some percent to the inertance. For times far shorter than R^2/nu_w its pull is sqrt(nu_w)/R times the changes of the
-line's mean flow, weighted by 2/sqrt(pi time), here a sum of exponentials.
+Friction at the wall depends on earlier changes of the flow (Zielke 1968): a thin boundary layer adds some percent to
+the inertance. For times far shorter than R^2/nu_w its pull is sqrt(nu_w)/R times the changes of mean flow, weighted
+by 2/sqrt(pi time), here a sum of exponentials.
 
 x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_k: the memory of the flow].
 """

@@ -24,10 +24,7 @@ def seen_in(has_lift: bool) -> tuple[Effect, ...]:
 
 
 def sized(effect_id: str, **values: float) -> SizedEffect:
-    """An effect of the vocabulary with these parameter values (SI), the others off.
-
-    Raises KeyError for an id or a parameter that does not exist.
-    """
+    """An effect of the vocabulary with parameter values (SI), the others off. Raises KeyError for unknown ones."""
     effect = VOCABULARY[effect_id]
     unknown = values.keys() - {parameter.name for parameter in effect.parameters}
     if unknown:

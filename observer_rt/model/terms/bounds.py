@@ -93,7 +93,6 @@ def _places(boxes: Floats, rows: list[Variable]) -> Floats:
 
 
 def _halved(boxes: Floats, row: Variable) -> Floats:
-    """Lower halves of all boxes along a variable, then the upper ones."""
     lower, upper, (low, high) = boxes.copy(), boxes.copy(), boxes[row]
     lower[row, 1] = np.minimum(0.5 * (low + high), np.nextafter(high, low))
     upper[row, 0] = np.minimum(np.nextafter(lower[row, 1], np.inf), high)
@@ -101,10 +100,7 @@ def _halved(boxes: Floats, row: Variable) -> Floats:
 
 
 class _Demand(NamedTuple):
-    """What a law must do in a domain.
-
-    excess: how far it is from that (n,), by its enclosure in boxes; problem: what it does instead, at a point.
-    """
+    """A law's demand in a domain: excess (n,) by its enclosure in boxes, and the problem at a point."""
 
     term: Term
     law: Law
@@ -160,10 +156,7 @@ class _Demand(NamedTuple):
 
 
 def refuse_unbounded(term: Term, domain: TermDomain) -> None:
-    """Raise `UserError` for a term that may be unsound somewhere in the domain, after any history or settled.
-
-    The error names the term, and a point and the value there, or the part that hides it.
-    """
+    """Raise `UserError`, naming a point or part, for a term that may be unsound somewhere, after any history."""
     rings = any(isinstance(part, Resonance) for part in term.law.all_parts)
     if rings and domain.in_cells and term.equation is TermEquation.LINE_PRESSURE_SENSOR:
         remedy = "state it with a line that is one lump, or filter line pressure before it is recorded"

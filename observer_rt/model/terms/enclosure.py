@@ -1,8 +1,4 @@
-"""Interval arithmetic of the operations in laws: ends between which their values and slopes lie.
-
-Nothing lies outside but for rounding. Inside there is room where a law has a variable more than once, the less the
-smaller the box of its variables.
-"""
+"""Interval arithmetic of a law's operations: values and slopes lie between its ends, but for rounding."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple

@@ -123,10 +123,7 @@ class TermInForce(Section):
 
 
 def coefficient_unit(equation: TermEquation, law: Law) -> Unit | None:
-    """The unit that `c` must have; None if the law leaves it open or has no `c`.
-
-    Raises `UserError` for a law whose units do not fit each other or the equation.
-    """
+    """The unit of `c`; None if open or without `c`. Raises `UserError` for a law whose units do not fit."""
     check = _UnitCheck()
     check.alike(check.unit_of(law), equation.unit, f"'{law}'", f"what {equation} adds")
     return check.coefficient
@@ -176,7 +173,6 @@ class _UnitCheck:
         return left
 
     def _resolved(self, unit: Unit) -> Unit:
-        """A unit with the unit of `c` inserted."""
         if self.coefficient is None:
             return unit
         return unit._replace(c=0.0).times(self.coefficient, unit.c)

@@ -1,8 +1,4 @@
-"""Laws as trees: printed, evaluated over arrays, and enclosed over boxes of their variables.
-
-A law is made of numbers, the coefficient `c`, variables, operations on them, lags and tables. Numbers are in the
-units of `variable`, whatever unit they were written in.
-"""
+"""Laws as trees: printed, evaluated over arrays, enclosed over boxes; numbers are in units of `variable`."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -252,6 +248,5 @@ def _printed(law: Law) -> tuple[str, int]:
 
 
 def _within(part: Law, least: int) -> str:
-    """Text of a part, in parentheses if it binds less than `least`."""
     text, binding = _printed(part)
     return f"({text})" if binding < least else text

@@ -11,10 +11,7 @@ _FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
 
 
 class Unit(NamedTuple):
-    """Powers of the units in which laws are computed, and of the unit of the coefficient `c`.
-
-    Seconds are not milliseconds: nothing is converted, so that s and ms cannot be added.
-    """
+    """Powers of the units in which laws are computed (s is not ms: nothing converts), and of that of `c`."""
 
     mm: float = 0.0
     ms: float = 0.0

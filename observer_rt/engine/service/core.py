@@ -160,7 +160,7 @@ class Core:
         return self._results.taken()
 
     def attend(self) -> list[messages.OutputFrame]:
-        """Handles what the stream did meanwhile; returns the frames to send, for rates are in the publisher."""
+        """Handles what the stream did meanwhile; returns the frames to send, rates left in the publisher."""
         self._go_on(waiting=False)
         return self._results.taken()
 

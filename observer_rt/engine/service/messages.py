@@ -219,7 +219,7 @@ class ResultFrames:
 
 
 def value_of(source: str, parts: Mapping[str, Any]) -> Any:
-    """Value that a source names: a part, then its column, key or attribute; None without it, columns summed."""
+    """Value that a source names: a part, then its column, key or attribute; None without it, sums over records."""
     value: Any = parts
     for name in source.split("."):
         if isinstance(value, Mapping):

@@ -92,7 +92,7 @@ def offset_between(before: Standstill | None, after: Standstill) -> float | None
 def standstill_of(record: np.void, pressure_scale: float, stated: NDArray[np.float64] | None = None) -> Standstill:
     """Statistics of an observer's memory or a closed event; pressure_scale p_0 [Pa].
 
-    stated (3,): levels of rail, line [p_0] and lift [m] that hold unless a standstill, if short a vague one, differs.
+    stated (3,): levels of rail, line [p_0] and lift [m] that hold unless a standstill, vague if short, differs.
     """
     record_of, resting = record["standstill"], record["resting_lift"]
     samples = int(record_of["rest_count"])
@@ -134,7 +134,7 @@ class HeldRail:
         return self.events >= HELD_FOR
 
     def after(self, window: Window, standstill: Standstill, rail_every: float) -> "HeldRail":
-        """Adds an event; a slow rail may repeat a value, and a recording without noise is computed, rail too."""
+        """Adds an event; a slow rail's repeated value, or one of a computed recording, is not held."""
         rail = window.inputs[:, 0]
         is_noisy = standstill.noise is not None and standstill.noise.line_pressure > FLOOR.line_pressure
         value = float(rail[0])

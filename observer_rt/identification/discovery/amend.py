@@ -37,10 +37,9 @@ def amended_effects(
     recordings: Mapping[str, str],
     healthy: HealthyShape | None = None,
 ) -> tuple[EffectInForce, ...]:
-    """Effects that the amended file has in force, empty if none was found.
+    """Effects that the amended file has in force, empty if none was found; those in force before are fitted anew.
 
-    One that was in force and is found again is fitted anew, from the model without it. Raises `RunError` if that
-    fails. recordings: SHA-256 by file name; healthy: mean innovation of the healthy injector, which is subtracted.
+    recordings: SHA-256 by file name; healthy: mean innovation that is subtracted. Raises `RunError` if the fit fails.
     """
     if not discovery.effects:
         return ()
@@ -82,7 +81,6 @@ def accepted(
 
 
 def _rounded(term: Term) -> Term:
-    """A term with 6 digits of its coefficient."""
     low, high = term.interval or (term.coefficient, term.coefficient)
     value, low, high = (float(f"{each:.6g}") for each in (term.coefficient, low, high))
     return replace(term, coefficient=value, interval=(low, high))

@@ -75,10 +75,7 @@ def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
 
 
 def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
-    """Finds the missing effect; progress takes the share done.
-
-    Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
-    """
+    """Finds the missing effect. Raises `RunError` without a solution, `UserError` for a choice not left open."""
     nominal, task = effective_model(task.parameters), _as_the_fit_saw(task)
     healthy, warning = _remembered(nominal, [*task.measured, *task.healthy])
     points = by_operating_point([measurement.with_healthy_offset(one, healthy) for one in task.measured])
@@ -146,8 +143,6 @@ def _as_the_fit_saw(task: DiscoveryTask) -> DiscoveryTask:
 
 
 class _Amendment(NamedTuple):
-    """Fields of `Findings` that say which effects and terms the amended model has."""
-
     in_force: tuple[EffectInForce, ...]
     terms: tuple[TermInForce, ...]
     not_accepted: str
@@ -162,10 +157,7 @@ def _amendment(
     baseline: Healthy,
     cells: Sequence[Cell],
 ) -> _Amendment:
-    """What the amended model has: effects that are named beyond doubt or chosen, or the proposal accepted.
-
-    cells: of the map, with what was found.
-    """
+    """Effects named beyond doubt or chosen, or the proposal accepted. cells: of the map, with what was found."""
     in_force: tuple[EffectInForce, ...] = ()
     if (discovery.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(discovery):
         in_force = amended_effects(task.parameters, discovery, measured, task.hashes, baseline.shape)
@@ -191,7 +183,7 @@ def _remainder(
     terms: tuple[TermInForce, ...],
     cells: Sequence[Cell],
 ) -> Remainder:
-    """Residuals of a model with terms accepted in part. cells: of the map, with the terms in force."""
+    """Residuals of a model with terms accepted in part. cells: of the map, with them."""
     amended = task.parameters.model_copy(update={"effects": effects, "terms": terms, "remainder": None})
     recordings = [one.without_answers for one in task.measured]
     return Remainder(

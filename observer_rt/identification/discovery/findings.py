@@ -1,7 +1,4 @@
-"""Findings of `discover`: the content of the document findings.json and of reports. Inside SI.
-
-Where an entry of the document differs from the field, a function makes it of the field and the `Findings`.
-"""
+"""Findings of `discover`: the content of the document findings.json and of reports. Inside SI."""
 
 import math
 from dataclasses import dataclass
@@ -48,8 +45,10 @@ class RankedCandidate(DocumentPart):
 
 
 class CellOfMap(DocumentPart):
-    """Residuals of a signal in a phase at an operating point: nrmse over noise, significance in standard deviations,
-    rms; after: with what was found. equation: which is violated, null where none is known to be."""
+    """Residuals of a signal in a phase at a point: nrmse over noise, significance in standard deviations, rms.
+
+    after: with what was found; equation: which is violated, null where unknown.
+    """
 
     signal: Signal
     phase: str = Field(description="closed, opening, open, closing or after")

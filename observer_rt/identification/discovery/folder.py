@@ -18,10 +18,7 @@ _KINDS = {REPORT: None, FINDINGS: outputs.FINDINGS, AMENDED: None}
 
 
 def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
-    """Check the folder of an answer about a model's file. force: an earlier one, known by its findings, may be there.
-
-    Raises `UserError` where that model, an answer or a file of another kind would be replaced.
-    """
+    """Raises `UserError` where the model, an answer (unless `force`) or a file of another kind would be replaced."""
     if folder.exists() and not folder.is_dir():
         raise UserError(f"--out {folder}", "is a file", "name a folder")
     if model is not None and (folder / AMENDED).resolve() == model.resolve():
@@ -37,10 +34,7 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
 
 
 def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, injector: InjectorFile) -> str:
-    """Write findings.json, the report and, where there is one, the amended model into the folder.
-
-    An earlier amended model is removed where this answer has no other. Returns the text of findings.json.
-    """
+    """Write findings.json, whose text is returned, report and amended model; an earlier one is removed."""
     require("jinja2", "matplotlib")
     from observer_rt.identification.discovery.report.page import report
 

@@ -1,7 +1,4 @@
-"""Injections in reports: their curves, their gaps to models, and the changes of their masses by the effects found.
-
-Gaps are those of models run open loop, before and after what was found, at points held out.
-"""
+"""Injections in reports: curves, open-loop gaps to models at points held out, changes of masses."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -67,10 +64,7 @@ class ModelGaps:
 
 
 def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel) -> ModelGaps:
-    """Gaps at every second operating point, of the nominal model and of the one shown, fitted to the others.
-
-    A single operating point is both fitted and compared.
-    """
+    """Gaps of the nominal model and the one shown at every second operating point, fitted to the others."""
     amended = shown.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
@@ -81,7 +75,6 @@ def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: Effectiv
 
 
 def _over_points(gaps: Sequence[Gap]) -> Gap:
-    """The gap of a quantity over several recordings: the root mean square of theirs."""
     columns = zip(*((gap.before, gap.after, gap.noise_floor) for gap in gaps), strict=True)
     before, after, floor = (float(np.sqrt(np.mean([value**2 for value in column]))) for column in columns)
     return Gap(gaps[0].name, before, after, floor, gaps[0].measured)
@@ -90,7 +83,7 @@ def _over_points(gaps: Sequence[Gap]) -> Gap:
 def _point(
     number: int, measurement: Measurement, nominal: EffectiveModel, refitted: EffectiveModel, amended: EffectiveModel
 ) -> PointGaps:
-    """Gaps of a recording. amended: has the masses that count as true if no rate was measured."""
+    """amended: has the masses that count as true if no rate was measured."""
     density, is_measured = amended.coefficients.density, measurement.recording.injection_rate is not None
     mass_of, model = (open_loop.measured_mass, nominal) if is_measured else (open_loop.mass, amended)
     true_masses = np.array([mass_of(measurement, one, density) for one in open_loop.simulated(measurement, model)])
@@ -114,10 +107,7 @@ def _point(
 def _errors(
     measurement: Measurement, model: EffectiveModel, true_masses: Floats, seed: int | None = None
 ) -> dict[str, Floats]:
-    """Model minus recording by quantity [SI]: line pressure (n,), a measured rate (m,), masses (events,).
-
-    A rate counts while fuel is injected. seed: of noise that is added to the inputs of the model; None adds none.
-    """
+    """Model minus recording [SI]: line pressure (n,), rate (m,), masses (events,); seed: of noise on inputs."""
     rate = measurement.recording.injection_rate
     runs = open_loop.simulated(measurement if seed is None else noisier(measurement, seed), model)
     masses = np.array([open_loop.mass(measurement, one, model.coefficients.density) for one in runs])
@@ -170,10 +160,7 @@ def typical_overlays(
 
 @dataclass(frozen=True)
 class InjectionGap:
-    """What the model as given and the one refitted miss of the line pressure on one event, rms [Pa].
-
-    recording: its number; number: of the event in it, from 1.
-    """
+    """Rms of what both models miss of the line pressure on one event [Pa]; number: of the event, from 1."""
 
     recording: Annotated[int, POINT]
     number: int
@@ -183,11 +170,7 @@ class InjectionGap:
 
 @dataclass(frozen=True)
 class MassChange:
-    """Change of the mass of an injection by the effects found, at one operating point, mean [kg].
-
-    recording: its number; nominal: mean mass by the model as given; half: half width of the 95 % interval of the
-    change, from those of the sizes and from the residuals.
-    """
+    """Mean change of an injected mass at one operating point [kg]; half: half width of its 95 % interval."""
 
     recording: Annotated[int, POINT]
     nominal: Annotated[float, key("nominal_mg"), unit(MILLIGRAM)]

@@ -109,7 +109,6 @@ def _tabulated(term: Term, table: LawTable) -> str:
 
 
 def _read(factors: tuple[Law, ...]) -> Reading | None:
-    """Words for the factors of a law that are neither numbers nor gates."""
     squared: Reading | None = None
     match factors:
         case ():
@@ -180,7 +179,6 @@ def _read_one(law: Law) -> Reading | None:
 
 
 def _over(argument: Law, words: Callable[[StraightLaw], Reading | None]) -> Reading | None:
-    """Words for an operation on a straight line; None for any other argument."""
     line = line_of(argument)
     return None if line is None else words(line)
 

@@ -26,10 +26,7 @@ OFFSET_TOLERATED, SLOPE_TOLERATED = 0.02 * MEGAPASCAL, 2 * MEGAPASCAL  # Pa, Pa/
 
 @dataclass(frozen=True)
 class StandstillFigure:
-    """A figure of the standstill, in `unit`.
-
-    recording: its number, None for all together; sigma: standard deviation, nan for a noise level.
-    """
+    """A figure of the standstill, in `unit`; recording: None for all together; sigma: nan for a noise level."""
 
     id: str
     recording: Annotated[int | None, _FILE]
@@ -48,8 +45,8 @@ def standstill_checks(
 ) -> tuple[StandstillFigure, ...]:
     """Offset, slope and noise of every recording, and the lag of a sensor over all recordings.
 
-    usual_offset: of the line-pressure sensor on the healthy injector [Pa]. Nothing at rest shows a lag, for ringing
-    that is recorded late looks like any other: it is found beside the amended model, from the opening on.
+    usual_offset: of the healthy line-pressure sensor [Pa]. Nothing at rest shows a lag, for
+    late ringing looks like any other: it is found beside the amended model, from the opening on.
     """
     result: list[StandstillFigure] = []
     for number, measurement in enumerate(measured):
@@ -103,7 +100,6 @@ class _PeriodMeans(NamedTuple):
 
 
 def _period_means(measurement: Measurement, period: float) -> list[_PeriodMeans]:
-    """Means in every stretch of standstill that lasts a period [s] or longer."""
     recording = measurement.recording
     signals = recording.time, recording.line_pressure, recording.rail_pressure
     size = max(1, round(period * recording.sample_rate))

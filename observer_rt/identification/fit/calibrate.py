@@ -102,7 +102,7 @@ class CalibrationResult:
 
     @property
     def inadequate(self) -> tuple[Phase, ...]:
-        """Phases that the model does not explain, the worst first; empty for an adequate model.
+        """Phases that the model does not explain, the worst first.
 
         Small residuals count only where a sensor causes them, or a needle answers commands: it hides a wrong line.
         """
@@ -123,11 +123,10 @@ class CalibrationResult:
 
     @property
     def mass_share(self) -> float:
-        """Standard deviation of a mass, as a share, that learning will not remove.
+        """Standard deviation of a mass, as a share, that learning will not remove; `level_share` is the level's own.
 
-        Its causes are the change by a recording left out, other structures that explain the recordings as well,
-        edges of the lift between slow instants, a lift not measured, measured masses that the model does not meet,
-        and a floor. `level_share` has the level's own.
+        Causes: a recording left out, other structures as good, edges of the lift between slow instants, a lift not
+        measured, measured masses that the model does not meet, and a floor.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
@@ -138,10 +137,9 @@ class CalibrationResult:
 
     @property
     def level_share(self) -> float | None:
-        """Standard deviation of the level, as a share: of the fit, or of the measurement where that is larger.
+        """Standard deviation of the level, as a share: the larger of fit and measurement; None without rate and mass.
 
-        The fit takes the errors of several masses for independent ones, which they may not be. The error of a rate is
-        that of its gain and of the density. None where neither rate nor mass was measured.
+        Errors of masses may not be independent, as the fit takes them; a rate's is of its gain and the density.
         """
         if self.level_source is LevelSource.FILE:
             return None
@@ -163,7 +161,7 @@ def calibrate(
 ) -> CalibrationResult:
     """Fit an injector to recordings of it when healthy. Raises `RunError` where no structure has a solution.
 
-    weighed: measured masses by the number of the recording; progress takes the share done; structures: to compare.
+    weighed: measured masses by the number of the recording; progress takes the share done.
     """
     source = LevelSource.MASS if weighed else LevelSource.FILE
     if any(one.recording.injection_rate is not None for one in recordings):  # which gives it at every sample
@@ -199,7 +197,7 @@ class MeteredFit(NamedTuple):
 
 
 def _metered_fit(best: search.FittedStructure, folds: Sequence[Fold], misfit: float) -> MeteredFit | None:
-    """A structure fitted again with the rate's likeliest meter; None where METER_MISFIT_SHARE and more is left."""
+    """A structure fitted again with the rate's likeliest meter; None where it leaves METER_MISFIT_SHARE and more."""
     meter = rate_meter([fold.measurement for fold in folds], effective_model(best.injector))
     slow = [by_meter(fold, meter) for fold in folds]
     again = search.fitted(best.structure, best.injector, best.calibration.free, slow, search.ROUGH_ITERATIONS)

@@ -69,8 +69,7 @@ def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedMod
 
 
 class Residual(DocumentPart):
-    """A signal in a phase: rms of the prediction's error one sample ahead, in its unit; chi2 of its means of 8
-    samples, 1 for noise alone."""
+    """A signal in a phase: rms of the error one sample ahead, in its unit; chi2 of means of 8, 1 for noise alone."""
 
     signal: Signal
     phase: str

@@ -152,7 +152,6 @@ def _fit_words(done: calibrate.CalibrationResult) -> str:
 
 
 def _causes(done: calibrate.CalibrationResult) -> str:
-    """The cause that a refit showed, or what was tried."""
     cause = done.cause
     if cause is None:
         tried = ", ".join(one.words for one in done.causes)
@@ -180,8 +179,7 @@ def _disagreement(done: calibrate.CalibrationResult) -> str:
 
 
 def oddities(done: calibrate.CalibrationResult) -> list[str]:
-    """Fitted numbers that physics does not allow, with the entry of the file that is probably wrong; those at an end
-    of the range tried; measured masses that the model does not meet."""
+    """Numbers that physics does not allow, with the entry to blame; those at an end of their range; masses missed."""
     odd = _beyond_physics(done)
     check = "" if done.inadequate else "; check {}"  # a model that lacks something makes numbers up for it
     result = [f"implausible: {one.words}{check.format(one.made_up_for or one.name)}" for one in odd]

@@ -149,7 +149,7 @@ class Structure:
     free: tuple[FreeParameter, ...]
 
     def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
-        """An injector in this form, with its own numbers, and its line in the cells that serve it best.
+        """An injector with its own numbers in this form, its line in the cells that serve it best.
 
         spare: factor by which the stiffness may still grow in these cells; the damping may grow by its fourth power.
         """
@@ -165,7 +165,6 @@ class Structure:
 
 
 def _cells(injector: InjectorParameters, spare: float) -> int:
-    """The cells that serve an injector best, or as many as stay stable while the numbers grow."""
     free = (STIFFNESS, WAVE_DAMPING)
     grown = with_values(injector, free, values_of(injector, free) * [spare, spare**4])
     best = cells_for(injector, STEP)

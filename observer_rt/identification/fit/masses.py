@@ -48,13 +48,11 @@ class MeanMass(NamedTuple):
 
 
 def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -> dict[int, MeanMass]:
-    """Measured masses by the number of the recording.
+    """Measured masses by the number of the recording; density of the fuel [kg/m3]. Raises `UserError` with the line.
 
     CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one) or `rate_file` (table of a
-    rate meter whose integral that mean is, by its path from this file), and, where there are such columns, `sigma_mg`
-    or `sigma_percent` (standard deviation, else 0.5 %) and `names` (those of the meter's columns, with units, where
-    its table has none).
-    density: of the fuel [kg/m3]. Raises `UserError` naming the line.
+    rate meter whose integral that mean is, by its path from this file), perhaps `sigma_mg` or `sigma_percent` (else
+    0.5 %) and `names` (of the meter's columns, with units, where its table has none).
     """
     masses: dict[int, MeanMass] = {}
     for location, row in _rows(path):
@@ -88,7 +86,6 @@ def _rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> int:
-    """Number of the recording of this name."""
     paths = [measurement.recording.path for measurement in recordings]
     numbers = [n for n, path in enumerate(paths) if path is not None and name in (path.name, str(path))]
     if len(numbers) != 1:
@@ -99,7 +96,7 @@ def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> i
 
 
 def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: float) -> MeanMass:
-    """Mass of a row of the table, or of the rate meter's table that it names by the path from a folder."""
+    """Mass of a row, or of the rate meter's table that it names by the path from a folder."""
     if MASS in row:
         mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
     else:
@@ -127,11 +124,10 @@ def _refuse_out_of_range(location: str, text: str, value: float, highest: float,
 
 
 def _mass_of_rate(path: Path, density: float, names: str = "") -> float:
-    """Mass [kg] that a rate meter's table holds, in any dialect: the trapezoidal integral of the rate over the time.
+    """Mass [kg] that a rate meter's table holds, in any dialect, by the trapezoidal rule; density [kg/m3].
 
-    Its headings may stand behind #. density: of the fuel [kg/m3]; names: in place of headings. Raises `UserError` for
-    headings that do not say which column is which, in which unit, for two injections, and for a row that is no
-    measurement, with its line.
+    Headings may stand behind #; names: instead of headings. Raises `UserError` for headings that do not say which
+    column is which, in which unit, for two injections, and for a row, by its line, that is no measurement.
     """
     with file_errors(path):
         headings = [Heading(*name_and_unit(name)) for name in NAME_WITH_UNIT.findall(names)]

@@ -51,10 +51,7 @@ class Fold:
 
 
 def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass]) -> tuple[Fold, ...]:
-    """Every recording as a fold; a single recording is divided by operating points, or else into halves.
-
-    With a measured mass it stays whole, for that is of all injections. weighed: masses by number of the recording.
-    """
+    """Every recording as a fold; a single one without measured mass is divided by operating points, or halved."""
     short = []
     for recording in recordings:
         tail = round(RING_DOWN * recording.recording.sample_rate)
@@ -97,9 +94,9 @@ def spread(items: Sequence[T], most: int) -> list[T]:
 
 
 class Calibration:
-    """The problem of a fit: residuals by theta, which is parameters on their scales, then offsets of the folds [MPa].
+    """The problem of a fit: residuals by theta (p + folds,), scaled parameters, then offsets of the folds [MPa].
 
-    theta: (p + folds,). A step of one offset changes the residuals of its fold alone; the others are remembered.
+    A step of one offset changes the residuals of its fold alone; the others are remembered.
     """
 
     def __init__(self, start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold]) -> None:
@@ -162,8 +159,7 @@ class Calibration:
     def residuals(self, theta: Floats) -> Residuals | None:
         """Line pressure, rate and masses of every fold, then theta beside its prior; None without a solution.
 
-        The line pressure counts by means of a few innovations. Cells do not carry short waves as a pipe does: single
-        innovations would change stiffness and end volume for them, at the cost of the level.
+        The pressure counts by means of innovations: cells carry short waves unlike a pipe, to the level's cost.
         """
         judged = self.judge_all(theta)
         if judged is None:

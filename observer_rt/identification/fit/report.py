@@ -83,7 +83,6 @@ def print_fit(fit: FitDocument, console: Console) -> None:
 
 
 def _weighed(fit: FitDocument) -> Iterator[tuple[str, ...]]:
-    """Rows of the masses that were measured."""
     for mass in fit.masses:
         if (measured := mass.measured_mass_mg) is not None and (fitted := mass.mass_mg["fitted"]) is not None:
             off = (fitted - measured) / (mass.measured_sigma_mg or math.nan)
@@ -157,7 +156,6 @@ def _overlay(
 
 
 def _phases(axes: Axes, done: CalibrationResult) -> None:
-    """chi2 of every signal and phase, before and after."""
     residuals = done.comparison.residuals
     places = np.arange(len(residuals))
     before, after = (np.array([one.chi2[by] for one in residuals], float) for by in ("file", "fitted"))

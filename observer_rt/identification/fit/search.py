@@ -1,10 +1,7 @@
-"""Fits one structure: coarsely for comparison, and in full if it is chosen.
+"""Fits one structure: coarsely for comparison, and in full if it is chosen; judged on each fold with the others' fit.
 
-A search begins at the stiffness and damping of the line, among many, that explain the recordings best: a wave's
-travel time decides with which period of the ringing the model is compared. From a stiffness 5 % wrong (at 20 kHz) a
-search ends beside the minimum, without damping or at the stability limit of its cells.
-
-A structure is judged on every fold with the parameters that the other folds give.
+A search begins at the likeliest of many stiffnesses and dampings of the line: they decide which period of the
+ringing is compared. From a stiffness 5 % wrong (at 20 kHz) a search ends beside the minimum.
 """
 
 import math
@@ -157,9 +154,9 @@ def _fit(
 def settled(
     best: FittedStructure, start: InjectorParameters, folds: Sequence[Fold]
 ) -> tuple[FittedStructure, tuple[forms.FreeParameter, ...]]:
-    """The chosen structure fitted to `folds`, and the parameters left to the file, which the data do not determine.
+    """The structure fitted to `folds`, and the parameters left to the file, which the data do not determine.
 
-    start: the file's injector, to which the least certain is left first: with one fixed others may be determined.
+    start: the file's; the least certain is left to it first: with one fixed others may be determined.
     """
     left_out: list[forms.FreeParameter] = []
     free, now = list(best.calibration.free), best
@@ -185,10 +182,7 @@ def settled(
 def searched(
     structure: forms.Structure, file: InjectorParameters, free: Sequence[forms.FreeParameter], folds: Sequence[Fold]
 ) -> FittedStructure | FailedStructure:
-    """A structure fitted coarsely from the numbers of the file.
-
-    With waves, stiffness and damping are scanned first, and again about a first fit that leaves much unexplained.
-    """
+    """A structure fitted coarsely from the file's numbers, with waves after a scan of stiffness and damping."""
     if forms.WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, ROUGH_ITERATIONS)
     few = tuple(thinned(fold, 1) for fold in folds)
@@ -234,8 +228,6 @@ def _best(
     free: Sequence[forms.FreeParameter],
     folds: Sequence[Fold],
 ) -> InjectorParameters:
-    """The start with the least -2 log L before any fit."""
-
     def statistic(start: InjectorParameters) -> float:
         calibration = problem.Calibration(structure.of(start), free, folds)
         residuals = calibration.residuals(calibration.centre)

@@ -1,7 +1,4 @@
-"""Tries structures of the model on few events, the fullest line of each kind first, and chooses one.
-
-The choice is the simplest structure that explains recordings left out as well as the best one does.
-"""
+"""Tries structures on few events; chooses the simplest that explains recordings left out as well as the best."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -71,9 +68,9 @@ def tried_structures(
 def _trials(
     structures: Sequence[Structure], file: InjectorParameters, further: Sequence[FreeParameter], folds: Sequence[Fold]
 ) -> list[Trial]:
-    """Lines of one kind: the fullest, then those without one of its parts, then the best with the other outflow.
+    """The fullest line of a kind, then those without one of its parts, then the best with the other outflow.
 
-    In this order, for parts compensate for one that a line lacks: a search from there would end beside the minimum.
+    In this order: parts stand in for one that a line lacks, from where a search would end beside the minimum.
     """
     conserving = [one for one in structures if one.outflow is LineOutflow.SEAT] or structures
     full = _fullest(max(conserving, key=lambda one: len(one.free)), file, further, folds)
@@ -140,10 +137,7 @@ def _as_stated(
 
 
 def choose(tried: Sequence[Trial]) -> Choice:
-    """Choose the simplest structure as good as the best, first one that conserves mass.
-
-    Raises `RunError` with the reasons if none was fitted.
-    """
+    """The simplest structure as good as the best, first one that conserves mass. Raises `RunError` without any."""
     candidates = [one for one in tried if isinstance(one, FittedStructure)]
     if not candidates:
         reasons = "; ".join(

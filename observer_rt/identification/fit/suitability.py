@@ -1,7 +1,4 @@
-"""Suitability of recordings for a fit: clipped signals are refused, and reasons for doubt are stated.
-
-Standstill shows offset and gain of the line-pressure sensor.
-"""
+"""Suitability of recordings for a fit: clipped signals are refused, and reasons for doubt are stated."""
 
 from collections.abc import Sequence
 
@@ -94,10 +91,7 @@ def standstill(measurement: Measurement) -> tuple[float, float]:
 
 
 def sensor_gain(recordings: Sequence[Measurement], calibration: StatedAccuracy) -> float:
-    """The gain g of y = (1 + g) p_L + o by standstill at the pressures of all recordings; 0 for exact sensors.
-
-    A fit cannot find it: with one pressure in each recording the offsets would absorb it, and falsify the level.
-    """
+    """Gain g of y = (1 + g) p_L + o by standstill at all pressures, 0 if exact; a fit's offsets would absorb it."""
     if calibration.gain == 0.0:
         return 0.0
     offsets, pressures = np.array([standstill(one) for one in recordings]).T

@@ -1,7 +1,4 @@
-"""Apparent sizes of effects on a healthy injector, and the smallest sizes that recordings would show.
-
-Both rest on signatures: how a small size of an effect changes the residuals of a model.
-"""
+"""Apparent sizes of effects on a healthy injector, and the smallest sizes that show, both by signatures."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -47,10 +44,9 @@ Judge = Callable[[Effect, tuple[float, ...]], list[JudgedModel] | None]
 def signature_of(
     effect: Effect, judged: Sequence[JudgedModel], judge: Judge, remaining: Sequence[JudgedModel] | None = None
 ) -> Signature | None:
-    """Signature of an effect beside a model that was `judged`, at the smallest probe that is visible.
+    """Signature of an effect at the smallest visible probe, else the last that changes something; None if none does.
 
-    Else it is at the last that changes something. None where the effect has no size, no size has a solution, or none
-    changes anything. remaining: residuals that the gains are of, where they are others than those of `judged`.
+    remaining: residuals that the gains are of, where they are others than those of `judged`.
     """
     if not effect.parameters:
         return None
@@ -80,9 +76,8 @@ def healthy_remainder(
 ) -> HealthyRemainder:
     """Residuals of a model on healthy recordings: their shape, and apparent effects beyond the shape.
 
-    Each recording is compared with the shape of the others, so that the appearances hold at operating points without
-    a healthy injection, too. remembered: healthy injector by an earlier fit, whose shape the likelihood subtracts.
-    Raises ArithmeticError when the model has no finite solution.
+    Each recording is compared with the others' shape, so that appearances hold at any operating point. remembered: by
+    an earlier fit, with the shape that the likelihood subtracts. Raises ArithmeticError without a finite solution.
     """
     judged = likelihood.judge(model)
     if judged is None:
@@ -114,7 +109,6 @@ def healthy_remainder(
 
 
 def _by_event(measurement: Measurement, z: Floats) -> list[tuple[EventStretch, Floats]]:
-    """Normalised innovations (n,) of a recording, event by event."""
     parts = stretches(measurement)
     ends = np.cumsum([part.samples for part in parts])
     return list(zip(parts, np.split(z, ends[:-1]), strict=True))

@@ -142,8 +142,7 @@ def shut_mask(recording: Recording, openings: Sequence[Opening]) -> Bools:
 def noise_level(values: Floats, chosen: Bools, sample_rate: float) -> float:
     """Standard deviation of the white noise that is as strong as the signal's at the frequencies of a line's waves.
 
-    An anti-alias filter makes single samples differ less, but hardly the means of their pairs: where these tell of
-    more noise, they count. At a slow sample rate [Hz] they would contain the line's ringing, too.
+    An anti-alias filter smooths single samples: noisier means of pairs count, unless slow samples contain ringing.
     """
     by_samples, even = white_noise(values, chosen), values.size // 2 * 2
     pairs = np.where(chosen, values, np.nan)[:even].reshape(-1, 2).mean(axis=1)
@@ -152,10 +151,7 @@ def noise_level(values: Floats, chosen: Bools, sample_rate: float) -> float:
 
 
 def white_noise(values: Floats, chosen: Bools, order: int = _ORDER) -> float:
-    """Standard deviation of a sample's white noise: the clipped one of differences. nan: of too few.
-
-    values, chosen: (n,); only runs of chosen samples without a nan count. order: of the differences.
-    """
+    """Standard deviation of white noise in chosen samples (n,), the clipped one of differences; nan: too few."""
     sizes = np.abs(np.diff(np.where(chosen, values, np.nan), order))
     sizes = sizes[np.isfinite(sizes)]
     if sizes.size < FEWEST_DIFFERENCES:

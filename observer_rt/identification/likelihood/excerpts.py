@@ -1,7 +1,6 @@
 """Recordings as measurements, in memory that does not depend on their length: of a long one some injections are kept.
 
-Of each operating point they are at first all, then every second, every fourth and so on, with the standstill after
-them. So rare operating points keep all of theirs, and the others are spread over the whole recording.
+Of each operating point these are all, then every second, every fourth and so on: rare points keep all of theirs.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -125,8 +124,6 @@ def operating_point(rail_pressure: float, duration: float) -> tuple[int, int]:
 
 @dataclass(frozen=True, eq=False)
 class _Excerpt:
-    """An injection with the standstill after it; event: by the samples of the part."""
-
     part: Chunk
     event: events.JudgedEvent
 
@@ -146,8 +143,6 @@ class _Point:
 
 
 class _ChosenEvents:
-    """Injections spread evenly over the operating points, and over each."""
-
     def __init__(self, most: int) -> None:
         """most: samples of all together."""
         self._most = most
@@ -181,10 +176,7 @@ class _ChosenEvents:
 def measured(
     source: SignalStream, progress: Callable[[float], None] = lambda _: None, most: int = MOST_SAMPLES
 ) -> measurement.Measurement:
-    """A recording with its noise and events; of one that has more samples than `most` the stored excerpts.
-
-    progress takes the number of samples read. Raises `UserError` as `measurements`.
-    """
+    """A recording, or excerpts beyond `most` samples. progress: takes samples read; errors as of `measurements`."""
     if source.grid_samples <= most:
         return measurement.measurements([source.collected()])[0]
     measurement.refuse_slow(source)
@@ -220,7 +212,7 @@ def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
 
 
 def _ends(block: Chunk) -> tuple[int, int]:
-    """End of a block and begin of the next one, both in the longest standstill of the block's second half."""
+    """Both lie in the longest standstill of the block's second half: the end of it, and the begin of the next."""
     half, rate = block.samples // 2, block.sample_rate
     noise = events.noise_level(block.needle_lift, np.ones(block.samples, np.bool_), rate)
     opens, _ = dead_band(noise if np.isfinite(noise) else 0.0)
@@ -251,7 +243,6 @@ def _excerpt(block: Chunk, event: events.JudgedEvent, starts: Sequence[int]) -> 
 def _joined(
     source: SignalStream, excerpts: Sequence[_Excerpt], injections: measurement.FoundInjections
 ) -> measurement.Measurement:
-    """One recording of excerpts, with gaps between them."""
     moved, begin = [], 0
     for excerpt in excerpts:
         moved.append(excerpt.event.moved(begin))

@@ -31,10 +31,7 @@ class KeptEvidence:
 
 
 def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
-    """Events in a folder in the order of time. Raises `UserError` for a folder without events.
-
-    Damaged files are left out and named; those that a daemon drops before they are read, too, and are counted.
-    """
+    """Events in a folder in the order of time, without damaged files. Raises `UserError` without any."""
     events: list[KeptEvent] = []
     dropped = 0
     paths = sorted(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stem.rsplit("_", 1)[-1])
@@ -58,9 +55,9 @@ def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
 def evidence_of_model(
     events: Sequence[KeptEvent], folder: Path, model_sha256: str | None, console: Console
 ) -> KeptEvidence:
-    """Evidence of one model: its refused events, or if they are too few the doubtful ones, or else the good ones.
+    """A model's refused events, or if they are too few the doubtful ones, or else the good ones.
 
-    model_sha256: None for the model of the newest event. Raises `UserError` for a model without enough evidence.
+    model_sha256: None for that of the newest event. Raises `UserError` for too little evidence.
     """
     option = f"--from-evidence {folder}"
     model = model_sha256 or str(events[-1].belief["model_sha256"])

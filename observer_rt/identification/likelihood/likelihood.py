@@ -120,7 +120,6 @@ class RecordingLikelihood:
         return likely if all(np.isfinite(delays).all() for delays in likely) else self._jitter.nominal_delays
 
     def _likely_delays(self, run: windows.Run, model: EffectiveModel) -> tuple[list[Floats], Floats]:
-        """As of `ShotJitter.likely`; no delays where the lift was measured."""
         if not self._jitter.nominal_delays:
             return [], np.empty((0, 0))
         sigma = self._schedule(model).innovation_sigma
@@ -173,7 +172,6 @@ class RecordingLikelihood:
         return np.asarray(innovation[self._rows.counted] / self._schedule(model).innovation_sigma)
 
     def _samples_late(self, model: EffectiveModel) -> int:
-        """Whole samples by which the line pressure is recorded late."""
         return math.floor(model.sensor.delay / self.measurement.interval)
 
     def _substeps_of(self, model: EffectiveModel) -> int:
@@ -202,7 +200,6 @@ class RecordingLikelihood:
         return self._inputs(self.measurement, model)
 
     def _inputs(self, measurement: Measurement, model: EffectiveModel) -> TrueInputs:
-        """True inputs of a recording that differs from this one at most in its lift."""
         c, terms, rail = measurement.coefficients_of(model), model.inputs, self._nominal_rail
         if terms.rail_delay != self._nominal.inputs.rail_delay:
             rail = rail_on_time(self.measurement, terms)
@@ -227,10 +224,7 @@ class RecordingLikelihood:
 def joint_likelihood(
     recordings: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
 ) -> "JointLikelihood":
-    """Recordings, ready to be compared with models near the nominal one, the healthy injector's mean subtracted.
-
-    Raises `UserError` where the nominal model needs too many integration steps a sample.
-    """
+    """Recordings, to judge models near the nominal one. Raises `UserError` where that needs too many steps."""
     for measurement in recordings:
         rate = measurement.recording.sample_rate
         substeps = substeps_needed(nominal.injector, rate, nominal.departures)
@@ -266,5 +260,4 @@ def residuals_of(judged: Sequence[JudgedModel]) -> Residuals:
 
 
 def _input_key(model: EffectiveModel) -> tuple[InputTerms, Seat, NeedleLaw]:
-    """Parts of a model on which its true inputs depend."""
     return model.inputs, model.coefficients.seat, model.injector.needle_law

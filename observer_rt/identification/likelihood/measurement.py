@@ -1,7 +1,4 @@
-"""Measurements: recordings with their noise and events, and the refusal of recordings that cannot be judged.
-
-Rows are the samples of all events of a recording, one event after another.
-"""
+"""Measurements: recordings with noise and events. Rows are the samples of all events, one after another."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -94,10 +91,7 @@ class Measurement:
 
 
 def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
-    """Every recording with its noise and events, in the order given.
-
-    Raises `UserError` for a recording without a complete injection, too short a standstill or a slow sample rate.
-    """
+    """Recordings with noise and events. Raises `UserError` without injection or standstill, or for slow samples."""
     results = []
     for recording in recordings:
         refuse_slow(recording)
@@ -202,10 +196,10 @@ class Rows:
                 end = opening.last + 1 - int(measurement.means)
                 near[bound + opening.first - event.start + skipped : bound + end - event.start] = True
         self.rate_rows = np.flatnonzero(near)
-        """(m,): rows at which a measured rate is judged, if the line pressure is not recorded late.
+        """(m,): rows at which a measured rate is judged, if the line pressure is not late.
 
-        The needle is open there for RATE_DELAY or longer: how the sac begins to fill is uncertain, by the noise of
-        the lift and an orifice law that is smooth at low pressure. The mean in which the needle shuts does not count.
+        They begin RATE_DELAY after the opening: how the sac begins to fill is uncertain, by the lift's noise and
+        an orifice law that is smooth at low pressure. The mean in which the needle shuts does not count.
         """
         self.rate_samples = self.samples[self.rate_rows]
         self._injecting = np.concatenate([in_mass_window(measurement, e, np.arange(e.start, e.end)) for e in events])

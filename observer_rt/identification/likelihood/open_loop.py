@@ -1,7 +1,6 @@
 """A model run through a recording: with the measurement up to an opening, open loop from the opening on.
 
-A measured injection rate stands beside that of a model: its samples, and its integral over every event. Its gain has
-an error, the same in the whole recording, which is estimated with its prior: exact for a Gaussian one.
+A measured rate has a gain error, one for the whole recording, which is estimated with its prior.
 """
 
 import math
@@ -44,8 +43,7 @@ class SimulatedInjection:
 
 @dataclass(frozen=True)
 class Consequence:
-    """By how much a model moves: root mean square of the line pressure from opening to the end of the ringing [Pa],
-    and mean of the injected mass [kg], over all events."""
+    """Change by a model over all events: rms of the line pressure up to the end of ringing [Pa], mean mass [kg]."""
 
     line_pressure: Annotated[float, key("line_pressure_rms_MPa"), unit(MEGAPASCAL)]
     mass: Annotated[float, key("injected_mass_mean_mg"), unit(MILLIGRAM)]
@@ -57,10 +55,7 @@ _RUNS: WeakKeyDictionary[Measurement, _Runs] = WeakKeyDictionary()
 
 
 def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[SimulatedInjection, ...]:
-    """Line pressure as it would be recorded, and injection rate, of every event of a recording.
-
-    The state follows the measurement by x~ up to the opening and runs open loop from there. The last runs are kept.
-    """
+    """Line pressure as it would be recorded, and rate, of every event: by x~ up to the opening, then open loop."""
     kept = _RUNS.setdefault(measurement, [])
     for stored_model, run in tuple(kept):
         if stored_model == model:

@@ -17,8 +17,7 @@ LAG_GRID = 2e-6  # s of lag, at whose multiples openings are looked for: between
 
 @dataclass(frozen=True)
 class Ramp:
-    """A straight ramp at the edge of an opening: lift [m] at its outermost sample, and change towards the inside
-    [m a sample]."""
+    """A ramp at the edge of an opening: lift [m] at its outermost sample, and change inwards [m a sample]."""
 
     lift: float
     slope: float
@@ -40,11 +39,10 @@ def ramp_samples(sample_rate: float) -> int:
 
 
 def find_openings(lift: Floats, noise: float, ramp: int = MOST_RAMP_SAMPLES) -> list[Opening]:
-    """Openings in a measured lift [m] (n,) with white noise [m] of this standard deviation.
+    """Openings in a measured lift [m] (n,) with white noise [m]; ramp: samples for the straight line of a ramp.
 
-    ramp: samples through which the straight line of a ramp is laid.
-    Open from the first of CONFIRM samples above the dead band to the last before CONFIRM samples below its half;
-    up to LOOK_BACK samples beside them that stand out of the noise belong to the ramps.
+    They last from the first of CONFIRM samples above the dead band to the last before CONFIRM samples below its half,
+    with up to LOOK_BACK samples beside them that stand out of the noise.
     """
     opens, shuts = dead_band(noise)
     above, below = _runs(lift > opens), _runs(~(lift > shuts))
@@ -67,7 +65,6 @@ def opening_between(lift: Floats, first: int, last: int, ramp: int) -> Opening:
 
 
 def _runs(true: Bools) -> Ints:
-    """Samples from which on CONFIRM samples are true."""
     run = true.copy()
     for ahead in range(1, CONFIRM):
         run[:-ahead] &= true[ahead:]
@@ -90,10 +87,7 @@ def _opening(lift: Floats, first: int, last: int, opens: float, ramp: int) -> Op
 
 
 def _ramp(lift: Floats, samples: int) -> Ramp:
-    """The straight line through the first samples of a ramp but the very first, in its foot; level where they fall.
-
-    Of an opening shorter than two ramps the line goes through the first half.
-    """
+    """The line through the first samples of a ramp, but the very first; level where they fall."""
     first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
     used = lift[first:end]
     offsets = np.arange(used.size) - 0.5 * (used.size - 1)
@@ -110,10 +104,7 @@ def without_lag(lift: Floats, sample_rate: float, lag: float) -> Floats:
 def openings_without_lag(
     lift: Floats, noise: float, recorded: Sequence[Opening], sample_rate: float, lag: float
 ) -> list[tuple[float, list[Opening]]]:
-    """Openings of a lift whose lag [s] is undone: those at the multiples of LAG_GRID beside it, with weights.
-
-    noise: white, of the recorded lift [m]. Only openings that were recorded remain; they begin and end earlier.
-    """
+    """Openings with a lag [s] undone, at multiples of LAG_GRID beside it, with weights; noise: as recorded [m]."""
     restored, ramp = without_lag(lift, sample_rate, lag), ramp_samples(sample_rate)
     below = math.floor(lag / LAG_GRID)
     result = []

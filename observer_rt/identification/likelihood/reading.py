@@ -1,7 +1,4 @@
-"""Recordings looked through before any work begins, those that cannot serve refused, and measured.
-
-Where no lift was recorded, recordings get the lift by which a needle answers their commands.
-"""
+"""Recordings looked through and measured, or refused; a lift that was not recorded follows from commands."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -41,8 +38,8 @@ def measured_recordings(
 ) -> tuple[Measurement, ...]:
     """Recordings with their noise and events, in the order given; doubts about them are printed.
 
-    injector: its needle answers the commands where no recording has a lift; most: samples stored of a recording;
-    stated: delays and lags of the channels. Raises `UserError` for recordings that cannot serve, or not together.
+    injector: answers the commands where no recording has a lift; most: samples stored of each; stated: delays and
+    lags of the channels. Raises `UserError` for recordings that cannot serve, or not together.
     """
     paths = [source.path for source in sources if source.path is not None]
     for number, path in enumerate(paths):

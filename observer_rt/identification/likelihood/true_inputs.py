@@ -1,7 +1,4 @@
-"""True inputs of a recording: its rail pressure, and the seat area of its lift, corrected by the terms of a model.
-
-Both have noise, which is followed into the innovations: of a restored lift and of a smoothed rail pressure.
-"""
+"""True inputs of a recording by a model's terms: rail pressure and seat area, and the noise they pass on."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -31,11 +28,7 @@ FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in
 
 
 def true_rail_pressure(measurement: Measurement, delay: float) -> Floats:
-    """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
-
-    A rail at rest during events is not moved: its noise would only become another one, which some delay always fits
-    better.
-    """
+    """Rail pressure [Pa] (n,), smoothed, of a channel `delay` [s] late; not at rest, where noise fits some delay."""
     rail = measurement.recording.rail_pressure
     available = np.isfinite(rail)
     if not available.all():  # outside of what is judged, but within the kernel's reach
@@ -72,7 +65,6 @@ class LiftNoise:
         return np.asarray(np.maximum(added - self._at(0), 0.0))
 
     def _at(self, multiple: int) -> Floats:
-        """Variance (n,) with a lag of so many times LAG_GRID, by draws of the noise."""
         if multiple in self._cache:
             return self._cache[multiple]
         measurement, lag, rng = self._measurement, multiple * LAG_GRID, np.random.default_rng(0)
@@ -91,8 +83,8 @@ class LiftNoise:
 class TrueInputs:
     """True inputs of a recording under input terms, normalised, for every sample: rail (n,) and area (n,).
 
-    A mean over the sample period that ends at a sample's time is the value half a period before. So the rail pressure
-    of means is moved to the times of the samples, and the area has its corners, the knots (n, 2), between them.
+    A mean over a period is the value half a period before: rail means are moved to the samples' times, and the area
+    has its corners, the knots (n, 2), between them.
     """
 
     def __init__(
@@ -118,7 +110,6 @@ class TrueInputs:
 
 
 def _answered_areas(measurement: Measurement, commands: Floats, needle: NeedleLaw, c: Coefficients) -> Floats:
-    """Normalised seat areas (n,) of a needle that answers commands (k, 2)."""
     recording, n, nothing = measurement.recording, measurement.recording.samples, np.zeros(NEEDLE_NUMBERS)
     pressures = np.nan_to_num(recording.rail_pressure[commands[:, 0].astype(np.int64)] / CONTROL_REFERENCE, nan=1.0)
     area, slopes, shots = np.zeros(n), np.zeros((n, NEEDLE_NUMBERS)), np.zeros(n, np.int64)
@@ -143,7 +134,6 @@ def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> Floa
 def _areas_of(
     measurement: Measurement, lift: Floats, openings: Sequence[Opening], terms: InputTerms, c: Coefficients
 ) -> Floats:
-    """Normalised seat areas (n,) of a lift [m] (n,) without lag, with its openings."""
     area = np.zeros(lift.size)
     if not openings:
         return area

@@ -1,7 +1,6 @@
 """The judged stretches of a recording as windows of the predictor, and the predictor run through them.
 
-A shot is one opening of a needle whose lift was not measured. It has two delays, of its opening and of its closing,
-each drawn anew in every event: that is its jitter. Innovations change in proportion to delays as short as these.
+A shot is an opening of a needle without measured lift; its delays are drawn anew in every event (jitter).
 """
 
 import math
@@ -63,10 +62,7 @@ class Batch(NamedTuple):
 def batch_of(
     measurement: Measurement, rows: Rows, inputs: TrueInputs, samples_late: int, offset: float, c: Coefficients
 ) -> Batch:
-    """The windows when the line pressure is recorded some samples late with an offset [Pa] added.
-
-    Rows belong to samples of the line pressure, so that every candidate is judged on the same ones.
-    """
+    """The windows with the line pressure `samples_late` and an offset [Pa]; all candidates have the same rows."""
     recording = measurement.recording
     openings = [o for event in measurement.events for o in event.openings]
     resting = shut_mask(recording, openings)
@@ -125,8 +121,7 @@ def followed(
 ) -> tuple[Floats, Floats]:
     """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
 
-    needle: answers the commands of the batch, if it has any; delays: of its shots, by jitter; until_opening: of x^
-    instead, which runs open loop from the opening of its window on.
+    needle: answers the commands, if any; until_opening: x^ instead, open loop from its window's opening on.
     """
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
@@ -174,7 +169,7 @@ class ShotJitter:
     ) -> tuple[list[Floats], Floats]:
         """Likeliest delays (columns,) of every event beyond the nominal ones, in standard deviations.
 
-        Also, by what one standard deviation of each moves the judged innovations (n, columns), made by `normalised`.
+        Also, by how much one standard deviation of each moves the judged, `normalised` innovations (n, columns).
         """
         delays = [np.zeros(self.by_shots.shape[1]) for _ in self.nominal_delays]
         shots: ShotDelays = self.nominal_delays
@@ -218,8 +213,7 @@ def likelier_delays(z: Floats, delays: Sequence[Floats], moved: Floats, bounds: 
 def without_jitter(z: Floats, delays: Sequence[Floats], moved: Floats, bounds: Bounds) -> tuple[Floats, float]:
     """White innovations (n,), and the sum of the logarithms of their standard deviations beyond 1.
 
-    z (n,): at the likely delays; moved (n, columns): by one standard deviation of the delays of every shot, drawn
-    anew in each event; bounds (events + 1,): of the events. Exact for Gaussian ones, as far as they go straight.
+    z (n,): at the likely delays; moved (n, columns): by one standard deviation of each. Exact for Gaussian ones.
     """
     result, logs = z.copy(), 0.0
     for delay, first, end in zip(delays, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):

@@ -1,8 +1,4 @@
-"""Adequacy of a model: whether its residuals, by signal, phase and operating point, are noise alone.
-
-Candidates are judged, too, on operating points that they were not fitted to. The map of disagreement names the
-equation that is violated where models and recordings differ.
-"""
+"""Adequacy of a model: whether its residuals are noise alone, also at operating points held out."""
 
 import math
 from collections.abc import Sequence
@@ -56,11 +52,9 @@ def cells_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel], model: 
 
 
 def healthy_of_fit(baseline: Baseline, comparable: bool) -> Healthy:
-    """The healthy injector as a fitted injector file knows it.
+    """The healthy injector as a fitted file knows it; discovery searches the residuals of an inadequate fit instead.
 
-    Residuals of an inadequate fit do not count as the injector's, so that discovery searches them. comparable:
-    whether the recordings have the sample rate of the fit, without which innovations differ; the sensor's offset
-    holds anyway.
+    comparable: the recordings have the sample rate of the fit, else innovations differ.
     """
     healthy, offset = baseline.healthy, baseline.healthy.line_pressure_offset_MPa if baseline.healthy else 0.0
     if not baseline.adequate:
@@ -173,8 +167,7 @@ class HeldOutPoints:
     def pays(self, candidate: Candidate, smaller: Candidate) -> bool:
         """Whether a candidate explains the events held out better than a smaller one; true if nothing is held out.
 
-        -2 log L must fall by more than its fall scatters between events. The open-loop gap of the line pressure may
-        grow by its scatter at most: it shows small effects less clearly, but users want a model with a small gap.
+        -2 log L must fall by more than its scatter. Users want a small open-loop gap: it may grow by its scatter.
         """
         if not self._judged.recordings:
             return True
@@ -276,7 +269,6 @@ def _equations(
 
 
 def _violated(effect: Effect, model: EffectiveModel) -> Equation:
-    """The equation of a model that is violated while an effect is missing."""
     if effect.component is Component.NOZZLE and model.injector.line_outflow is LineOutflow.SEAT:
         return Equation.SAC_PRESSURE  # the nozzle flow is in no other
     return effect.equation

@@ -1,8 +1,4 @@
-"""Laws made to measure: a free curve over one variable and the simple form nearest to it, and waves.
-
-A curve is a sum of hats, each a term of its own. Their signatures in the innovations give the gain of any law over
-that variable. Waves are oscillations of a fixed frequency that stand out of the spectrum of the residuals.
-"""
+"""Laws made to measure: a free curve over one variable, a sum of hats, the simple form nearest to it, and waves."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence, Set
@@ -272,10 +268,7 @@ def turned(sine: Effect, swings: Sequence[float]) -> Effect:
 
 
 def lines(left: Sequence[Floats], times: Sequence[Floats], interval: float) -> list[float]:
-    """Frequencies [Hz] that stand out of the spectrum of the residuals, the strongest first.
-
-    left: normalised residuals (n,) of each recording; times: theirs [s] (n,), whole numbers of intervals apart.
-    """
+    """Frequencies [Hz] that stand out of residuals (n,) at times [s] on the grid (n,), the strongest first."""
     size = 1 << math.ceil(math.log2(ZERO_PADDING * max(one[-1] - one[0] for one in times) / interval))
     power = np.zeros(size // 2 + 1)
     for values, when in zip(left, times, strict=True):

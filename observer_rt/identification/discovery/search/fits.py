@@ -59,8 +59,7 @@ class Fitter:
         """on_fit: called with every new fit; appears: apparent effects of the healthy injector by id."""
         self.likelihood, self.nominal = likelihood, nominal
         self._workers, self._on_fit, self._appears = workers, on_fit, appears
-        # by ids, and ROUGH or FREED after them; not by the start, for residuals hardly bend over sizes: a hypothesis
-        # has one minimum, and the first search for it stands
+        # by ids, and ROUGH or FREED; not by the start: residuals hardly bend over sizes, so there is one minimum
         self._fits: dict[tuple[str, ...], Candidate | None] = {}
         self.signatures: dict[str, appearance.Signature] = {}
         self._sigmas: dict[CandidateKey, Floats] = {}
@@ -179,9 +178,9 @@ class Fitter:
         return self._remembered(hypothesis, hypothesis.ids, minimum_of_law)
 
     def sharpened(self, candidate: Candidate) -> Candidate | None:
-        """A candidate with the numbers within its laws fitted, too; None if the laws have none, or the fit fails.
+        """A candidate with the numbers within its laws fitted, too; None without any, or where the fit fails.
 
-        The many numbers of a table are fitted if it stands alone: beside another law they hardly move.
+        A table's many numbers are fitted if it stands alone: beside another law they hardly move.
         """
         effects, numbers = candidate.hypothesis.effects, candidate.hypothesis.numbers
         few = [len(effects) == 1 or number <= MOST_NAMED for number in numbers]
@@ -205,7 +204,6 @@ class Fitter:
     def _remembered(
         self, hypothesis: Hypothesis, key: tuple[str, ...], search: Callable[[], Minimum | None]
     ) -> Candidate | None:
-        """The fit kept under a key, else the result of a search, kept from now on."""
         if key not in self._fits:
             minimum, candidate = search(), None
             if minimum is not None:
@@ -220,10 +218,7 @@ class Fitter:
     def fits_beside(
         self, about: Candidate, effects: Sequence[Effect], sizes: Sequence[float] | None = None
     ) -> list[Candidate]:
-        """A fit with each of the effects beside a candidate, the best first; only those near the best are refined.
-
-        sizes: of the effects' first parameters by their scores, further starts.
-        """
+        """A fit with each of the effects more, the best first; only the best are refined. sizes: further starts."""
         tasks = []
         for number, effect in enumerate(effects):
             own = Hypothesis((effect,)).starts()
@@ -242,7 +237,7 @@ class Fitter:
     def _fitted_all(
         self, tasks: Sequence[tuple[Hypothesis, Sequence[Floats]]], max_iterations: int
     ) -> list[Candidate]:
-        """Hypotheses, each fitted from its starts; those without a solution are left out."""
+        """Hypotheses, each fitted from its starts, without those that have no solution."""
 
         def fitted(task: tuple[Hypothesis, Sequence[Floats]]) -> Candidate | None:
             hypothesis, starts = task

@@ -1,8 +1,6 @@
 """Laws beside a candidate: the best of one linearised pass are refitted, and others are made for its residuals.
 
-The law of nozzle or seat that stands out of what the network learned is the first guess: it, or the product of two,
-is refitted first, whatever its rank, a product although a curve is adequate. It has no better odds for that: it comes
-from the same recordings, which would count twice.
+The law guessed of what the network learned is refitted first, at no better odds: the recordings would count twice.
 """
 
 from collections.abc import Sequence
@@ -88,7 +86,6 @@ class Laws:
         return self._scored[about.ids]
 
     def _shortlist(self, about: Candidate, first: Scores) -> tuple[Effect, ...]:
-        """Laws that promise most beside a candidate, by the slopes of the first pass."""
         again = scored(first.effects, first.numbers, first.slopes, self._fits.residuals(about))
         promising = np.argsort(-again.validated)[: SHORTLIST_LENGTH + len(about.ids)]
         return tuple(first.effects[row] for row in promising)
@@ -134,7 +131,6 @@ class Laws:
         return self._sharpened(self._fits.laws([(about.hypothesis.with_effect(one), start) for one in made]))
 
     def _waves(self, about: Candidate) -> list[tuple[Effect, Effect]]:
-        """Waves whose frequencies stand out of a candidate's residuals."""
         recordings = self._fits.likelihood.recordings
         left, times = [judged.z for judged in self._fits.judged(about)], [recorded.times for recorded in recordings]
         frequencies = curves.lines(left, times, recordings[0].measurement.interval)
@@ -147,7 +143,6 @@ class Laws:
 
     @cached_property
     def _products_alone(self) -> list[Candidate]:
-        """Fits with a single law of two variables at once."""
         guessed = partial(is_guessed, guess=self._guess)
         return self._fitted_beside(self._nothing, products(partial(self._fits.scores, self._nothing), guessed))
 
@@ -174,7 +169,6 @@ class Laws:
         return [*self._made_over(over), *(term_effect(other, law.form, law.numbers) for other in alike)]
 
     def _made_over(self, chosen: Sequence[curves.Curve]) -> list[Effect]:
-        """Laws made to measure over some curves."""
         score = partial(self._fits.scores, self._nothing)
         return curves.made_to_measure(curves.free_curves(chosen, score), (), score) if chosen else []
 
@@ -216,7 +210,6 @@ class Laws:
 
 
 def _promising_curves(scores: Scores) -> list[curves.Curve]:
-    """Curves in the equations whose laws promise most."""
     ranked = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
     equations = [one for one in ranked if one in set(TermEquation)][:TAILORED_EQUATIONS]
     return [curve for curve in ALL_CURVES if curve.equation in equations]

@@ -1,7 +1,6 @@
 """The library of terms that `discover` tries where the vocabulary does not explain recordings.
 
-A law is of order 1 where an injector works, so that its coefficient is in the unit of its equation. Pressures are
-centred: with a factor of the pressure itself, most of it would be a constant.
+Laws are of order 1 where an injector works, so pressures are centred; coefficients have their equations' units.
 """
 
 import math

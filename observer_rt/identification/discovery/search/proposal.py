@@ -37,8 +37,8 @@ TOO_FREE = Refusal("laws with numbers of their own in several equations would fi
 class Part:
     """What a proposal that leaves something explains, and what it leaves.
 
-    closed: share of the line pressure's gap held out, beyond noise; left: rest of it, rms [Pa]; mass_half: half
-    width, as a share, of the 95 % interval that this gives a mass; refusal: objection to taking it over in part.
+    closed: share of the line pressure's gap held out, beyond noise; left: rest, rms [Pa]; mass_half: half width of
+    the 95 % interval that this gives a mass, as a share; refusal: objection to taking it over in part.
     """
 
     closed: float
@@ -55,10 +55,7 @@ def _gap_held_out(gap: tuple[float, float], _: object) -> Figures:
 
 
 class ProposedTerm(DocumentPart):
-    """A law added to an equation.
-
-    sentence: in words, behind `as if`; coefficient: value, ends of its 95 % interval, unit.
-    """
+    """A law added to an equation; sentence: behind `as if`; coefficient: value, ends of its 95 % interval, unit."""
 
     equation: str
     law: str
@@ -79,12 +76,10 @@ class ProposedEffect(DocumentPart):
 class Proposal:
     """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
-    number: from 1, the best; candidate: the terms as effects with one size, and their intervals; gain: of -2 log L
-    over the model as given; phase: in which the model as given fails most; adequate: nothing but noise is left;
-    unsound: why a law fails where it was seen, None where all hold; held_out: rms of the line pressure's gap on
-    events it was not fitted to, before and after [Pa], nan where nothing was held out; probability: among all
-    explanations tried, 0 of one that leaves something; seen: between what its inputs lay; part: of one that leaves
-    something but has no other objection; largest_lift: of the needle [m], for words.
+    number: from 1, the best; candidate: the terms as effects with one size; gain: of -2 log L over the model as
+    given; phase: in which that fails most; adequate: only noise is left; unsound: why a law fails where it was seen;
+    held_out: rms of the line pressure's gap on other events, before and after [Pa], nan without any; probability: 0
+    of one that leaves something; seen: ranges of inputs; part: None with another objection; largest_lift [m].
     """
 
     candidate: Inside[Candidate]

@@ -1,8 +1,4 @@
-"""Laws that explain recordings, as proposals: with intervals, consequences, gaps held out, and objections to them.
-
-A law is judged in the range of its inputs in the recordings, and a margin. A model may accept a law in part that
-leaves residuals: they become the uncertainty of the model.
-"""
+"""Laws that explain recordings, as proposals: with intervals, consequences, gaps held out, and objections to them."""
 
 import math
 from collections.abc import Sequence
@@ -112,7 +108,6 @@ def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange
 
 
 def _widened(values: Sequence[Floats]) -> tuple[float, float]:
-    """Lowest and highest of all values, with the margin."""
     low, high = (float(end(list(map(end, values)))) for end in (np.nanmin, np.nanmax))
     margin = MARGIN * (high - low)
     return low - margin, high + margin

@@ -1,7 +1,4 @@
-"""Results of a search: the explanations left, fitted effects, cells of the map, proposals, the verdict. SI.
-
-Measurements are named that would decide between explanations which the recordings leave open.
-"""
+"""Results of a search: the explanations left, fitted effects, cells of the map, proposals, the verdict. SI."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -46,8 +43,7 @@ class Verdict(StrEnum):
 class FittedEffect:
     """An effect found, with its sizes by parameter.
 
-    gain: what -2 log L rises without it, the others refitted; moves: what it does when it comes last; gap_share: of
-    the disagreement, that it explains.
+    gain: rise of -2 log L without it, the others refitted; moves: by adding it last; gap_share: of the disagreement.
     """
 
     id: str
@@ -108,10 +104,7 @@ class SmallestVisible:
 
 @dataclass(frozen=True)
 class LargestMisfit:
-    """Equation, variables and text of what explains most of the misfit, and phase and signal in which it does.
-
-    proposals: laws that would explain the recordings, the best first.
-    """
+    """The equation and variables that explain most of the misfit, and where; `proposals`: laws, the best first."""
 
     equation: Equation
     phase: PhaseName
@@ -213,8 +206,7 @@ class Discovery:
 
     @property
     def shown(self) -> Candidate:
-        """What was found, with half widths of its sizes: the proposal accepted, the effects named, else a proposal;
-        without effects if nothing was found."""
+        """The proposal accepted, else effects named, else a proposal, else no effects; with half widths of sizes."""
         if self.effects and not self.accepted:
             return next(one for one in self.ranking if one.ids == self.named.ids)
         return self.named if self.proposal is None else self.proposal.candidate
@@ -238,7 +230,6 @@ def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -
 
 
 def _by_measurement(decisions: Iterable[tuple[str, tuple[str, str]]]) -> tuple[Decisive, ...]:
-    """Every measurement once, with all names that it tells apart."""
     separated: dict[str, dict[str, None]] = {}
     for measurement, names in decisions:
         separated.setdefault(measurement, {}).update(dict.fromkeys(names))
@@ -246,7 +237,6 @@ def _by_measurement(decisions: Iterable[tuple[str, tuple[str, str]]]) -> tuple[D
 
 
 def _measurement(first: Effect, second: Effect, rate_measured: bool) -> str:
-    """The measurement that the effects state, else one that fits the places where they sit."""
     relation, places = first.relation_to(second), {first.component, second.component}
     stated = relation.decided_by if relation is not None else first.decided_by or second.decided_by
     if stated:

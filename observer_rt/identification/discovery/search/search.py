@@ -1,8 +1,6 @@
 """The search for the missing effect: forward from the model as it is, with removal; its verdict is a posterior.
 
-Every explanation is a candidate: effects of the vocabulary, laws without a name, or both. One linearised pass beside
-a candidate says what each further effect would gain, the best are refitted, and what pays for itself, held out as
-well, is gone on from.
+Candidates are effects of the vocabulary, laws, or both. One linearised pass scores what may be added to them.
 """
 
 import math
@@ -93,9 +91,9 @@ class Search:
         return self._outcome(best, adequate)
 
     def _other_needles(self, best: Candidate) -> Iterator[Candidate]:
-        """Candidates as good by which a needle whose lift was not recorded is at fault instead, or is not.
+        """Candidates as good with, or without, a faulty needle whose lift was not recorded.
 
-        What the best gains beyond them does not count: true strokes are not as straight as those of the model.
+        The best gains nothing over them: true strokes are not as straight as those of the model.
         """
         for effect in best.hypothesis.effects:
             others = tuple(kept for kept in best.hypothesis.effects if kept is not effect)
@@ -111,10 +109,7 @@ class Search:
                         break
 
     def _charge_laws(self) -> None:
-        """Beside a fitted model laws pay half of what the best name leaves where that explains all.
-
-        A right name leaves the model's own error: laws explain a part of it. A wrong name leaves what laws explain.
-        """
+        """Beside a fitted model laws pay half of what the best name leaves: it may be the model's own error."""
         names = [one for one in self._tried if len(one.ids) == 1 and not one.terms and one.plausible]
         left = [self._unexplained(one) for one in names if self._is_adequate(one)]
         if self._baseline.appears and left:
@@ -122,7 +117,6 @@ class Search:
             self._tried = [replace(one, own_error=charge) if one.terms else one for one in self._tried]
 
     def _grown(self, best: Candidate) -> Candidate:
-        """The best there is, from the best name alone, or nothing."""
         if not self._is_adequate(best) or self._laws.promise(best) > LAW_ODDS * best.spread:
             laws = self._laws.fits_with(self._nothing)
             best = min(best, self._better(laws, self._nothing) or best, key=self._rank)
@@ -144,7 +138,7 @@ class Search:
         return best
 
     def _next_bases(self, fits: Sequence[Candidate], about: Candidate) -> list[Candidate]:
-        """Candidates to add effects to: the best fit if it gains something, and its effects as fitted alone."""
+        """The best fit if it gains something, and its effects as fitted alone."""
         best = self._without_idle(self._simplest(fits)) if fits else about
         if best.statistic >= about.statistic - self._threshold(about):
             return []
@@ -155,10 +149,7 @@ class Search:
         return not self._is_adequate(candidate), candidate.price
 
     def _first_bases(self, best: Candidate) -> list[Candidate]:
-        """Effects to add to first: the best, and where it does not explain all, or only by a law, others.
-
-        Each shares no equation with those before, and explains a good part of what the best does.
-        """
+        """The best, and where no name explains all, fits in other equations that explain a good part."""
         firsts = [best] if best.ids else []
         if self._is_adequate(best) and not best.terms:
             return firsts
@@ -171,10 +162,7 @@ class Search:
         return firsts
 
     def _larger_fits(self, about: Candidate, best: Candidate) -> Iterator[list[Candidate]]:
-        """Fits with an effect or two more: names by score and, where none explains all, laws.
-
-        Only such as may come up to the best: about a candidate far behind it nothing is fitted, whatever it gains.
-        """
+        """Fits with an effect or two more that may reach the best: names and, where no name explains all, laws."""
         arrears = PROMISED_SHARE * (about.price - best.price - NEAR_GAIN)
         names = [one for one in self._names if one not in about.hypothesis.effects]
         scores, least = self._fitter.scores(about, names), max(WORTH_FITTING, arrears)
@@ -206,7 +194,6 @@ class Search:
         return None
 
     def _pays(self, candidate: Candidate, smaller: Candidate) -> bool:
-        """Whether every effect is plausible, new and worth its price, held out as well."""
         parts = [one for one in self._tried if set(one.ids) < set(candidate.ids)]
         over = min((smaller, *parts), key=attrgetter("statistic"))
         return (
@@ -218,10 +205,7 @@ class Search:
         )
 
     def _needed(self, candidate: Candidate, over: Candidate, share: float) -> float:
-        """Gain over a smaller one that a candidate must exceed: more, the more is left, and the more is explained.
-
-        Less than a share of the gain over nothing may be the model's own error.
-        """
+        """Gain over a smaller one that a candidate must exceed: a share may be the model's own error."""
         explained = self._nothing.statistic - candidate.statistic
         least = self._threshold(over)
         if candidate.terms:
@@ -236,7 +220,6 @@ class Search:
         return (candidate.spread - 1.0) * samples
 
     def _own_error(self, candidate: Candidate) -> float:
-        """Share of a candidate's gain that may be the model's own error."""
         return self._is_adequate.remainder * (self._nothing.statistic - candidate.statistic)
 
     def _is_new(self, candidate: Candidate) -> bool:
@@ -268,7 +251,6 @@ class Search:
         return next(filter(self._is_adequate, tied), tied[0])
 
     def _without_idle(self, best: Candidate) -> Candidate:
-        """Without the effects that later ones have made needless."""
         for effect in best.hypothesis.effects:
             if len(best.ids) < 2:
                 break
@@ -317,5 +299,5 @@ class Search:
 
 
 def _class_of(candidate: Candidate) -> frozenset[str]:
-    """What stands for one explanation: names, or the equations in which laws are."""
+    """Names, or the equations of its laws: candidates equal in this are one explanation."""
     return candidate.hypothesis.equations if candidate.terms else frozenset(candidate.ids)

@@ -1,9 +1,4 @@
-"""Laws by table: free curves over one variable, with as few knots as explain the recordings; laws of two variables.
-
-Those are the products of two simple forms that come nearest to a free surface over both: a sum of products of hats,
-each a term of its own, as a curve is a sum of hats. What they do to the innovations, linearised, says what any
-product of a law over the one and a law over the other variable would gain.
-"""
+"""Laws by table: curves over one variable, with as few knots as explain the recordings; products of two forms."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -113,13 +108,11 @@ def _simplest(curve: curves.FreeCurve) -> Effect | None:
 
 
 def _is_smooth(values: Floats) -> bool:
-    """Whether a curve turns at few of its knots."""
     steps = np.diff(values)
     return bool(np.count_nonzero(steps[1:] * steps[:-1] < 0.0) <= MOST_TURNS * max(values.size - 2, 1))
 
 
 def _best_values(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
-    """Best values at the knots kept."""
     shapes = _shapes(curve.knots, symmetry, kept)
     return _values(shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient)
 
@@ -196,7 +189,7 @@ def _hats(equation: TermEquation, first: curves.Axis, second: curves.Axis) -> li
 
 
 def _factors(axis: curves.Axis) -> list[_Factor]:
-    """All forms of an axis that are no constant, with the numbers that are tried, decays among them."""
+    """All forms of an axis that are no constant, with the numbers that are tried."""
     knots = np.array(axis.knots)
     decays = [replace(form, law=form.law.removeprefix("1 - ")) for form in axis.forms if form.law.startswith("1 - ")]
     return [

@@ -30,8 +30,7 @@ from observer_rt.model.effective import EffectiveModel
 MOST_RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
 MASS_APART = 0.3 * MILLIGRAM  # kg of an injection, from which on laws that explain as much leave it open
 MODEL_SHARE = 0.01
-"""Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
-Found on seven plants of other equations than the model's, each with a discrepancy of its own."""
+"""Standard deviation of a size, as a share, by a fitted model's error: found on seven plants of other equations."""
 METHOD = (
     f"share of exp(-X/(2 T)) among all explanations tried that are adequate, X = -2 log L + 10 a number fitted + 50 "
     f"for a law without a name + 50 for every effect after the first, T = {results.TEMPER} for what no model knows "
@@ -51,9 +50,9 @@ def name_effects(
 ) -> results.Discovery:
     """The missing effects, fitted to all recordings.
 
-    workers: threads; progress takes the share done; baseline: of healthy recordings; chosen: effects that are to lead
-    if they explain the recordings as well as the best do; guess: law that is refitted first. Raises `RunError`
-    when the nominal model has no finite solution, `UserError` when the chosen effects explain less than the best.
+    workers: threads; progress takes the share done; baseline: of healthy recordings; chosen: effects to lead if they
+    explain as much as the best; guess: law refitted first. Raises `RunError` when the nominal model has no finite
+    solution, `UserError` when the chosen effects explain less.
     """
     likelihood = joint_likelihood(recordings, nominal, baseline.shape)
     effects = representatives(not recordings[0].is_free)
@@ -77,7 +76,7 @@ def name_effects(
 
 
 def _led_by(outcome: results.SearchOutcome, chosen: Sequence[str]) -> results.SearchOutcome:
-    """The outcome led by the effects that the user chose. Raises `UserError` when they are not among those tied."""
+    """The outcome led by the effects chosen. Raises `UserError` when they are not among those tied."""
     tied = _names_left(outcome)
     for candidate in tied:
         if set(candidate.ids) == set(chosen):
@@ -106,7 +105,7 @@ def healthy_baseline(
 
 
 def _names_left(outcome: results.SearchOutcome) -> tuple[Candidate, ...]:
-    """Explanations by name that the recordings leave open, the winner first; empty where only laws are left."""
+    """Explanations by name that the recordings leave open, the winner first."""
     named = [one for one in outcome.left if one.ids and not one.terms]
     if not outcome.adequate or not outcome.winner.ids or not named:
         return ()
@@ -114,8 +113,6 @@ def _names_left(outcome: results.SearchOutcome) -> tuple[Candidate, ...]:
 
 
 class _Verdict:
-    """The outcome of a search, from which the fields of a `Discovery` follow."""
-
     def __init__(
         self, fitter: Fitter, outcome: results.SearchOutcome, baseline: Healthy, held_out: HeldOutPoints
     ) -> None:
@@ -182,7 +179,6 @@ class _Verdict:
         )
 
     def _noise(self) -> NoiseLevels:
-        """Root mean square over the recordings."""
         levels = [(one.noise.rail_pressure, one.noise.line_pressure, one.noise.needle_lift) for one in self._measured]
         return NoiseLevels(*(float(np.sqrt(np.mean([level**2 for level in of]))) for of in zip(*levels, strict=True)))
 
@@ -191,7 +187,6 @@ class _Verdict:
         return results.SmallestVisible(signature.effect.id, first.name, size / first.si, first.unit)
 
     def _effects(self, confidence: float, explained: float) -> tuple[results.FittedEffect, ...]:
-        """The winner's effects. explained: share of the disagreement that they explain together."""
         winner = self._outcome.winner
         full_model, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
         gains = list(map(self._gain, winner.hypothesis.effects))
@@ -209,7 +204,6 @@ class _Verdict:
         return tuple(result)
 
     def _gain(self, effect: Effect) -> float:
-        """Rise of -2 log L when one of the winner's effects is left out, the others refitted."""
         others, start = self._outcome.winner.without(effect)
         smaller = [one for one in self._outcome.fitted if set(one.ids) == set(others.ids)]
         if not smaller:  # the search fits only some pairs out of three effects
@@ -217,7 +211,7 @@ class _Verdict:
         return min(one.statistic for one in smaller) - self._outcome.winner.statistic
 
     def _with_intervals(self, candidate: Candidate) -> Candidate:
-        """A candidate with intervals of its sizes, by noise, the healthy injector's scatter and a fit's exactness."""
+        """Intervals are by noise, the healthy injector's scatter and a fit's exactness."""
         variances = (results.INTERVAL_MARGIN * self._fitter.sigmas(candidate)) ** 2
         if self._baseline.appears:
             variances += (MODEL_SHARE * candidate.theta) ** 2
@@ -246,7 +240,6 @@ class _Verdict:
         return cells_of(self._likelihood, self._fitter.judged(candidate), candidate.model(self._nominal))
 
     def _unexplained(self, best: Candidate) -> results.LargestMisfit | None:
-        """Equation and variables of the best explanation, and where it explains most."""
         leading = self._proposals[0].candidate if self._proposals else best
         variables = {one.word for term in leading.terms for one in term.law.variables}
         equations = [effect.equation for effect in leading.hypothesis.effects]

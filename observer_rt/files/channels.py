@@ -19,9 +19,8 @@ def chosen_channels(
 ) -> Mapping[int, str | None]:
     """The channel of each bus; None: any of the log, on a bench with one bus. Buses not needed may be left out.
 
-    texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`; other channels are found by reading the log. Several
-    buses: matched by channel names of the bench file, else by the numbers our recorder gives them.
-    Raises `UserError` for a needed bus that none of this finds.
+    texts: `CHANNEL` or `LINK=CHANNEL`; several buses are else matched by channel names, or by our recorder's numbers.
+    Raises `UserError` for a needed bus that is not found.
     """
     stated = values_by_bus(OPTION, texts, links, "can3")
     if len(links) == 1:
@@ -50,8 +49,7 @@ def chosen_channels(
 class InputFrames:
     """Frames of the bench's input messages in a log, with their buses; may be iterated again and again.
 
-    Iterating raises `UserError` for a malformed log, for one without such frames of some bus, and where the frames of
-    one message come from several channels and none was chosen.
+    Iterating raises `UserError` for a malformed log, a bus without frames, and a message of several channels.
     """
 
     def __init__(self, path: Path, bus_map: BusMap, channels: Mapping[int, str | None]) -> None:

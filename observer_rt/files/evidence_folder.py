@@ -1,12 +1,10 @@
 """Evidence of events on disk, kept by a daemon for a later search of the missing effect.
 
-One event's evidence is a Parquet file in our own layout of a recording, with what was believed of it beside. A folder
-keeps, within its bounds, the newest events of each kind, operating point and model; of good events a fair sample of
-all the time that the model was in force. The hash of a file's name is its lot, and good events with the lowest lots
-stay, so that a restart of the writer changes nothing.
+An event is a Parquet file in our layout of a recording, with what was believed of it beside. A folder keeps, within
+bounds, the newest events of each kind, operating point and model; of good events a fair sample of all time: those
+with the lowest hash of their name, which a restart does not change.
 
-Run as a module it is the process that writes: events on its input, an answer a line on its output. It is apart so
-that the loop never waits for a disk, and the daemon needs no library of files. It ends with its input.
+Run as a module it is the writing process, events in, an answer a line out: the loop never waits for a disk.
 """
 
 import hashlib
@@ -42,10 +40,7 @@ NICE = 10  # beside whoever serves a bus
 
 
 class KeptEvent(NamedTuple):
-    """An event that was kept: its recording, and what was believed of it; time: of the verdict, ISO 8601.
-
-    sha256: of the file as it was read, hexadecimal.
-    """
+    """An event that was kept, and what was believed of it; time: of the verdict, ISO 8601; sha256: of its file."""
 
     path: Path
     sha256: str
@@ -153,7 +148,7 @@ class EvidenceFolder:
 
 
 def _kept_names(names: list[str], most: int) -> list[str]:
-    """The files of one cell to be kept, `most` of them: the newest, or those of good events with the lowest lots."""
+    """The newest, or those of good events with the lowest hash, `most` of them."""
     if names[0].startswith(f"{EvidenceKind.GOOD}_"):
         return sorted(names, key=lambda name: hashlib.sha256(name.encode()).digest())[:most]
     return sorted(names, reverse=True)[:most]

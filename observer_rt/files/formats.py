@@ -1,7 +1,4 @@
-"""The one registry of formats: what kinds of files hold recordings or CAN logs, and which of them a file is of.
-
-A further format is one entry of `SIGNALS` or `LOGS`.
-"""
+"""The one registry of formats of recordings and CAN logs; a further format is an entry of `SIGNALS` or `LOGS`."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
@@ -73,10 +70,7 @@ LOGS_WRITTEN = suffixes_of(kind for kind in LOGS if kind.writer is not None)
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file holds CAN frames, by its suffix and, where that leaves it open, its content.
-
-    Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
-    """
+    """Whether a file holds CAN frames, by suffix, else content. Raises `UserError` if unknown, lacking or damaged."""
     _check_suffix(path, SUFFIXES)
     log = next((kind for kind in LOGS if kind.suffix == path.suffix.lower()), None)
     if log is None or log.recognises is None:
@@ -105,9 +99,8 @@ def stamp_step(path: Path) -> int:
 def open_recording(path: Path, injector: BenchInjector | None = None, density: float | None = None) -> SignalStream:
     """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
-    injector: whose `[recording]` describes a layout of the user's own; without it our own layouts, and others whose
-    headings say which column is which. density: of the fuel [kg/m3], for rates of mass; None: the injector's.
-    Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
+    injector: whose `[recording]` describes the layout; None: our own, or by headings. density: of the fuel [kg/m3],
+    for rates of mass; None: the injector's. Raises `UserError` for an unknown suffix, or an unreadable file.
     """
     kind = _format_of(path, SIGNALS)
     if path.name.endswith(COMPANION_SUFFIXES):
@@ -137,10 +130,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None, density: f
 def _signals(
     path: Path, kind: SignalFormat, injector: BenchInjector | None, density: float | None, has_shots: bool
 ) -> TableSignals:
-    """Signals of a file in our own layout, else in that of the user's `[recording]`, else as its headings say.
-
-    has_shots: a table of shots is beside it, which stands in for the lift.
-    """
+    """Signals by our layout, else the user's `[recording]`, else headings. has_shots: of a table, for the lift."""
     mapping = injector.config.recording if injector is not None else None
     lift = kind.mapping.needle_lift
     if has_shots and lift is not None and lift.column not in kind.table.names(path):
@@ -160,11 +150,7 @@ def _signals(
 
 
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:
-    """Read a recording into memory: arrays (n,) of time and signals [SI], NaN between its stretches.
-
-    injector: as of `open_recording`.
-    Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
-    """
+    """Read a recording into memory: arrays (n,) [SI], NaN between its stretches. Errors as of `open_recording`."""
     with file_errors(path):
         return open_recording(path, injector).collected()
 
@@ -192,6 +178,5 @@ def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
 
 
 def _format_of(path: Path, kinds: Sequence[F]) -> F:
-    """The format of a file by its suffix."""
     _check_suffix(path, suffixes_of(kinds))
     return next(kind for kind in kinds if path.suffix.lower() == kind.suffix)

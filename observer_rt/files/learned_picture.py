@@ -40,7 +40,7 @@ def draw_learned(part: SubplotSpec, laws: Sequence[LearnedLaw]) -> None:
 
 
 def _draw_surface(axes: Axes, surface: LearnedLaw) -> None:
-    """Draw a surface in colours, hatched where no event was."""
+    """Surface in colours, hatched where no event was."""
     change, seen = _PERCENT * surface.change.T, surface.is_seen.T
     most = max(np.abs(change[seen]).max(initial=0.0), LEAST_RANGE)
     mesh = axes.pcolormesh(*surface.inputs, change, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)

@@ -52,10 +52,7 @@ class EnduringReading:
         return sum(self._dropped)
 
     def receive(self, timeout_s: float) -> BusFrame | None:
-        """The next frame of any bus, None if none came within a while [s]; those left can be taken after `close`.
-
-        Raises what made a link fail for good.
-        """
+        """The next frame of any bus, None if none came in time; also after `close`. Raises what made a link fail."""
         try:
             arrived = self._arrived.get(timeout=timeout_s)
         except Empty:
@@ -94,7 +91,7 @@ class EnduringReading:
 
 @dataclass
 class RecordStatistics:
-    """Statistics of what was recorded so far: frames, frames lost before they reached the recorder, time [s], files.
+    """What was recorded so far: frames, frames lost before, time [s], files.
 
     outages: how often the interface went down or away; what came meanwhile nobody counts.
     """
@@ -142,9 +139,9 @@ def record(
 ) -> RecordStatistics:
     """Write every frame of the links until `stop` is set or a limit reached; a file begins with its first frame.
 
-    `links`: by their names in the log. `force`: a log that is there is replaced. Limits are a duration [s] and a
-    number of frames; None: never. An interface that goes away is waited for. `report` is called some times a second.
-    Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
+    `links`: by their names in the log; `force`: replace a log; duration [s], frames: limits. An interface that goes
+    away is waited for. `report` is called some times a second. Raises `RunError`: the link failed for good, or the
+    disk is full; what was written before can be read.
     """
     channels = list(links)
     log = _Log(path, force)
@@ -188,8 +185,6 @@ def record(
 
 
 class _Log:
-    """The file being written, begun with its first frame."""
-
     def __init__(self, path: Path, force: bool) -> None:
         self.paths: list[Path] = []
         """The file, once it is begun."""

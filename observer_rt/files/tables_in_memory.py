@@ -22,10 +22,9 @@ _WITH_THOUSANDS = r"[+-]?\d{1,3}(?:[.,]\d{3})*"  # `999` and `1.002` in one colu
 
 
 def _in_arrow(table: Any, name: str) -> Any:
-    """A DataFrame, an index of floats or moments as its first column, or arrays by name as a table of Arrow.
+    """A DataFrame, with its index as first column of times, or arrays by name as a table of Arrow; else `UserError`.
 
-    Units in names, as `p_Rail [bar]`, in a second row of names or in `attrs["unit"]` become metadata. Raises
-    `UserError` for anything else; name: of the table in its message.
+    Units in names, as `p_Rail [bar]`, in a second row of names or in `attrs["unit"]` become metadata.
     """
     import pyarrow
 
@@ -59,7 +58,6 @@ def _one_line(heading: Any) -> str:
 
 
 def _numbers(column: Any) -> Any:
-    """A column of text or of several types as numbers, with a decimal comma too, or moments; another one as it is."""
     if column.dtype.kind != "O":
         return column
     text = column.astype(str).str.strip()
@@ -94,11 +92,10 @@ def signals_of(
 ) -> SignalStream:
     """Signals of a table in memory [SI], with a survey of odd values.
 
-    table: pandas DataFrame, or arrays (n,) by name in a dict; units in brackets or at the end of names,
-    `p_Rail [bar]`, `lift_um`; an index of moments or floats is the time. layout: what `[recording]` of a bench file
-    says, None: what names and units say; with `rate_hz` no time is needed. name: in messages; density: of the fuel
-    [kg/m3], for a rate of mass.
-    Raises `UserError` with the layout to state where names and units do not say which column is which.
+    table: pandas DataFrame, or arrays (n,) by name; units in names, `p_Rail [bar]`, `lift_um`; an index of moments or
+    floats is the time. layout: as `[recording]` of a bench file, None: as names say; with `rate_hz` no time is
+    needed; name: in messages; density: of the fuel [kg/m3], for a rate of mass. Raises `UserError` with the layout to
+    state where names and units do not say which column is which.
     """
     held, notes = _in_arrow(table, name), list[str]()
     if layout is None:

@@ -1,8 +1,7 @@
 """Logs of Vector's tools, `.blf`: zlib-packed containers of objects, times in ns (or 10 us) after a start.
 
-python-can reads requests to send as frames and times before the start as those of centuries, and says nothing of an
-end that is missing, of objects it does not know, and of frames that the recorder lost. So this is read here, by the
-layout that python-can states; it writes.
+Read here by python-can's layout: itself it takes requests for frames and times before the start for centuries, and
+says nothing of a missing end, unknown objects, and lost frames. It writes.
 """
 
 import os
@@ -152,7 +151,6 @@ class BlfLog(LogReader):
         return None
 
     def _take_other(self, body: bytes, kind: int) -> None:
-        """Count an entry that is no frame; it may report that some were lost."""
         lost = self.lost_frames
         if kind == layout.GLOBAL_MARKER:
             length = layout.GLOBAL_MARKER_STRUCT.unpack_from(body)[4]

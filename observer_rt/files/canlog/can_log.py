@@ -41,13 +41,11 @@ def lost_note(frames: int) -> str:
 class LogReader(ABC):
     """Data frames of one log, read while iterating, in the order of the file; the counters belong to one reading.
 
-    Iterating raises `UserError` that names file and place for a malformed entry, for a frame no bus can carry and for
-    stamps that are whole seconds only. A file that ends within a frame was cut while it was written: the frames
-    before are read. Where time steps back on a channel, a new part of the log begins, `PAUSE` after the one before.
-    `notes` reports both, and steps ahead by more than a `YEAR`.
+    Iterating raises `UserError` that names file and place for a malformed entry, an impossible frame, and stamps of
+    whole seconds. A frame cut at the end is left out. Where time steps back on a channel a new part begins, `PAUSE`
+    later; `notes` reports that, and steps ahead by more than a `YEAR`.
 
-    remote_frames, error_frames: left out, as are other_entries, which are no frames, such as bus statistics;
-    lost_frames: by the log's own record.
+    remote_frames, error_frames, other_entries: left out; lost_frames: by the log's own record.
     """
 
     unit: ClassVar[str] = "line"
@@ -145,9 +143,9 @@ class LogReader(ABC):
 
 
 class LogWriter(AbstractContextManager["LogWriter"]):
-    """A log being written, maybe while frames come in; a context manager that completes it.
+    """A log being written; a context manager completes it. What was flushed can be read whatever happens afterwards.
 
-    What was flushed can be read whatever happens afterwards. Raises `OSError` when writing fails.
+    Raises `OSError` when writing fails.
     """
 
     def __init__(self, path: Path, start_ns: int) -> None:
@@ -202,10 +200,10 @@ def text_nanoseconds(text: str) -> int:
 
 
 class LogFormat(NamedTuple):
-    """A kind of file that holds CAN frames, by its suffix, in lower case with its dot.
+    """Kind of file that holds CAN frames, by its suffix, in lower case with its dot.
 
-    writer: takes path and time of the start [ns]; None where the format is only read. stamp_step: ns to which it
-    writes stamps. recognises: whether a file is a log, where recordings have the same suffix; None: any is.
+    writer: by path and start [ns], None: only read; stamp_step [ns]; recognises: a log among recordings of the same
+    suffix, None: any is.
     """
 
     suffix: str

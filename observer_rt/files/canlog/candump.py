@@ -32,10 +32,7 @@ _COLOUR = re.compile(r"\x1b\[[\d;]*m")
 
 
 class CandumpLog(TextLogReader):
-    """Reader; a line that begins with `#` is a comment.
-
-    python-can reads neither comments nor screen output, takes most error frames for data frames, and keeps no ns.
-    """
+    """Reader: python-can reads no comments (`#`), screen output and ns, and takes error frames for data frames."""
 
     kind = "a candump log"
 
@@ -54,7 +51,6 @@ class CandumpLog(TextLogReader):
                 yield number, entry
 
     def _entry(self, text: str, number: int) -> LogFrame | None:
-        """The frame of a line, if it has one. Raises `ValueError` where malformed."""
         if text.startswith("#"):
             self.note_text(text)
             return None
@@ -66,7 +62,6 @@ class CandumpLog(TextLogReader):
         return self._frame(match, text_nanoseconds(match["stamp"]), is_fd, bool(switch), bool(state))
 
     def _screen(self, text: str, number: int) -> LogFrame | None:
-        """A frame as it is printed on the screen."""
         if _XL_FRAME.search(text):
             self.other_entries += 1
             return None

@@ -1,8 +1,4 @@
-"""Logs of text that python-can reads, one line at a time: what it passes over is counted, or refused.
-
-It passes over every line it does not know. So a format says what python-can is to see of a line, and which lines may
-give no frame.
-"""
+"""Logs of text that python-can reads, one line at a time: lines that it would pass over are counted, or refused."""
 
 import logging
 import re
@@ -82,7 +78,6 @@ class PythonCanLog(TextLogReader):
         """What python-can is to read of a line: of the heading, and what may hold a frame. Raises `ValueError`."""
 
     def _pass_over(self, words: list[str]) -> None:
-        """Count a line that gave no frame. Raises `ValueError` for a line that should have given a frame."""
         raise ValueError
 
     @abstractmethod
@@ -104,8 +99,7 @@ def _nanoseconds(seconds: float) -> int:
 class AscLog(PythonCanLog):
     """Reader of the text of Vector's tools, by its own times: python-can heeds neither a sign nor `relative`.
 
-    Dates are local time; where one is not understood, times count from the start of the log, and `notes` reports it.
-    Empty CAN FD frames count as remote ones, as python-can has them.
+    Dates are local time, else times count from the log's start (`notes`); empty CAN FD frames count as remote ones.
     """
 
     kind = "an ASC log"
@@ -164,7 +158,6 @@ class AscLog(PythonCanLog):
         self._is_dated |= words[0] == "begin"  # of two dates the one of the first block belongs to time 0
 
     def _take_date(self, words: list[str]) -> None:
-        """Take a date, as local time; its weekday is passed over."""
         try:
             self._start = _nanoseconds(can.ASCReader._datetime_to_timestamp(" ".join(words[1:])))
             date = localtime(self._start // NANOSECONDS)

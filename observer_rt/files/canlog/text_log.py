@@ -34,10 +34,7 @@ FROM_START = "its times are taken to count from its start"
 
 
 def other_kind(path: Path) -> str:
-    """What to do with a file that begins as one of another kind; empty if it does not, or is empty.
-
-    Raises `OSError` for a file that cannot be opened.
-    """
+    """What to do with a file that begins as of another kind, else empty. Raises `OSError` if it does not open."""
     with path.open("rb") as file:
         head = file.read(_HEAD).removeprefix(b"\xef\xbb\xbf").replace(b'"', b"")
     begins = (head, head.lstrip())
@@ -55,10 +52,10 @@ class TextLogReader(LogReader):
     """Kind of its files, with an article."""
 
     def _lines(self) -> Iterator[tuple[int, str]]:
-        """Lines that are not blank, stripped, with their numbers, counted from 1.
+        """Lines, stripped and not blank, with their numbers from 1.
 
-        A last one without its end is left out, and reported: a cut frame may look like a shorter one. So are zeros
-        behind the last line, as of a file whose size was set beforehand.
+        A last one without its end is left out, and reported: a cut frame may look like a shorter one. So are zeros at
+        the end, of a file whose size was set beforehand.
         """
         zeros = 0
         with self.path.open(encoding="utf-8-sig", errors="replace") as file:

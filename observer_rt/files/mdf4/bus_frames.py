@@ -1,8 +1,7 @@
 """The CAN frames of MDF4 files as records, read by asammdf; to be run apart, for damage crashes its C code.
 
-ASAM's rules for bus logging: one record a frame, groups apart by data, error and remote frames. A field may be
-virtual: not stored, but given by the number of the record through its conversion, which makes a constant of it.
-asammdf drops what follows a record that it does not know, and what the headings do not count: the bytes are counted.
+By ASAM's rules for bus logging; a virtual field is a constant. asammdf drops what follows an unknown record, and
+what the headings do not count: so the bytes are counted.
 """
 
 from collections.abc import Iterator
@@ -39,7 +38,7 @@ def is_log(path: Path) -> Iterator[Answer]:
 
 
 def frames(path: Path) -> Iterator[Answer]:
-    """Numbers of data, error, remote and other frames, and remarks; and the data frames, of dtype `RECORD`; in parts.
+    """Numbers of data, error, remote and other frames, and remarks; and data frames, of dtype `RECORD`; in parts.
 
     Frames of several groups are put in order of time; what steps back within one group stays as it is.
     """
@@ -73,7 +72,6 @@ def _holds(group: Any, kind: str) -> bool:
 
 
 def _is_of_bus(group: Any) -> bool:
-    """Whether a group is for what happens on a bus, as it came."""
     is_plain = bool(group.channel_group.flags & FLAG_CG_PLAIN_BUS_EVENT)
     return is_plain or any(_holds(group, kind) for kind in (DATA, ERROR, REMOTE))
 

@@ -1,7 +1,4 @@
-"""Opens MDF4 files by asammdf, and reads their channels; to be run apart, for it trusts what stands in a file.
-
-Any failure means a damaged file (`mdf4_apart`). What goes to the caller is an `Answer`.
-"""
+"""Opens MDF4 files by asammdf, apart (`mdf4_apart`), for it trusts what stands in a file; failure means damage."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -69,9 +66,7 @@ def stored_bytes(file: MDF, address: int) -> int:
 
 
 def channels(path: Path) -> Iterator[Answer]:
-    """Name, unit, group and index of every channel but the times, and how many more samples its group holds than its
-    heading states; a channel a part.
-    """
+    """Name, unit, group and index of every channel but times, and samples its group holds beyond its heading."""
     with open_mdf(path) as file:
         surplus = {
             number: stored_records(file, group) - int(group.channel_group.cycles_nr)
@@ -85,9 +80,9 @@ def channels(path: Path) -> Iterator[Answer]:
 
 
 def parts(path: Path, group: int, indices: Mapping[str, int], at_once: int) -> Iterator[Answer]:
-    """Time [s] and channels of one group by name, so many samples at once; NaN where a sample is marked invalid.
+    """Time [s] and channels of one group by name, `at_once` samples a part; NaN where a sample is marked invalid.
 
-    A channel that holds no plain numbers is empty. Raises `ValueError` where fewer samples are read than there are.
+    A channel of no plain numbers is empty. Raises `ValueError` where fewer samples are read than there are.
     """
     with open_mdf(path) as file:
         refuse_outside(file, group)

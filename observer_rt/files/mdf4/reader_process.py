@@ -1,9 +1,7 @@
 """Processes in which asammdf reads MDF4 files: it trusts what stands in a file, and damaged ones crash it.
 
-A server imports what the work needs, once, and forks a worker for each piece of work: the import takes a second, and
-the caller may have threads. What a worker leaves behind is deleted with its folder. It sends JSON, of a value and of
-the names of the arrays that follow, each as a file of numpy (.npy); without names the work is at its end, and the
-value is the problem and the remedy where there are any.
+A server imports once, which takes a second, and forks a worker for each piece of work, since the caller may have
+threads. A worker sends JSON, of a value and the names of arrays that follow as .npy files; no names end the work.
 """
 
 import atexit
@@ -103,7 +101,6 @@ def _started_server() -> tuple[subprocess.Popen[bytes], socket.socket]:
 
 @atexit.register
 def _end_server() -> None:
-    """End it; workers end with their work."""
     global _server
     if _server is not None:
         process, requests = _server
@@ -132,7 +129,6 @@ def serve() -> None:
 def _work(
     answers: Connection, work: str, path: str, arguments: list[Any], scratch: str, seconds: int, memory: int
 ) -> NoReturn:
-    """Do the work and end the process, whatever happens."""
     tempfile.tempdir = scratch
     try:
         _limit(seconds, memory)

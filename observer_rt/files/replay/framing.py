@@ -34,7 +34,7 @@ _SHOWN_UNIT = {column.channel: (column.unit, column.factor) for column in PRINTE
 def bench_for(bench: Bench, recording: Sampled) -> Bench:
     """The bench at the recording's sample rate, for samples of the recording's meaning.
 
-    The example bench takes any rate unless it is nearly the model's, a user's own must state the recording's,
+    The example bench takes any rate unless it is nearly the model's; a user's own must state the recording's,
     `[recording] rate_hz` before that of `[sampling]`. Raises `UserError` otherwise.
     """
     rate = recording.sample_rate
@@ -98,10 +98,7 @@ def all_samples(recording: Recording) -> list[Span]:
 
 
 def windows_of(parts: Iterable[Recording]) -> list[Span]:
-    """Spans round the injections of parts that follow one another, as a windowed source sends them.
-
-    Overlapping ones are joined.
-    """
+    """Spans round the injections of consecutive parts, as a windowed source sends them; those that touch are one."""
     spans: list[Span] = []
     samples = 0
     for part in parts:
@@ -136,10 +133,7 @@ class Framer:
         """Sample index of the next recording's first sample."""
 
     def pause(self, samples: int) -> None:
-        """Let the index go on by at least so many samples that are not sent, as over a pause of a windowed source.
-
-        The index then begins a frame of every message, so that no frame sent before reaches into it.
-        """
+        """Let the index go on by at least so many samples, to where a frame of every message begins anew."""
         before = self.next_index
         block = block_samples(self._bus)
         self.next_index = -(-(before + samples) // block) * block
@@ -150,10 +144,7 @@ class Framer:
                 self._counters[number] += passed
 
     def frames(self, recording: Recording, spans: Sequence[Span]) -> Iterator[TimedFrame]:
-        """Frames of the spans in order of time: each is sent with its last sample.
-
-        A frame that a span does not fill carries "not available" in the rest.
-        """
+        """Frames of the spans in order of time, each sent with its last sample; rest of a frame: "not available"."""
         interval = 1.0 / recording.sample_rate
         for framed in self.framed(recording, spans):
             due = (framed.due * interval).tolist()
@@ -169,7 +160,6 @@ class Framer:
         self.next_index += recording.samples
 
     def _encode(self, number: int, values: Floats, span: Span) -> "FramedRecording":
-        """The frames of one input message."""
         message, inputs = self._bus.inputs.messages[number], self._bus.inputs
         steps = int(timing_row(self._bus, number)["steps"])
         first_index = -(-(self.next_index + span.start) // steps)  # of its own samples

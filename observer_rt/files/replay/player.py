@@ -45,14 +45,14 @@ class Sent(NamedTuple):
 class LogFrames:
     """Frames of a log as recorded, on a time that begins at 0 with its first frame; read anew by every iteration.
 
-    The log is read to its end beforehand: malformed entries are found before anything is sent. duration: until the
-    last frame [s]; sent: kinds of the frames; channels: those that they come from; notes: oddities of the log.
+    It is read to its end first, so that malformed entries are found before anything is sent. duration [s]: until the
+    last frame; notes: oddities of the log.
     """
 
     def __init__(self, path: Path, channels: Mapping[int, str | None], results: Collection[Sent] = ()) -> None:
-        """channels: of the log by bus, None: all of them. results: of the observer, recorded beside its inputs.
+        """channels: of the log by bus, None: all; results: of the observer in the log, not to be sent again.
 
-        Results are not sent again. Raises `UserError` for a malformed log, or where nothing is left to send.
+        Raises `UserError` for a malformed log, or where nothing is left to send.
         """
         self.path = path
         self._channels, self._results = channels, frozenset(results)
@@ -135,10 +135,9 @@ def recording_source(bench: Bench, path: Path, windowed: bool, console: Console)
 
 
 def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop: threading.Event) -> None:
-    """Listen a moment on all buses. `stop` ends it early.
+    """Listen a moment on all buses, or until `stop`, for what will be sent.
 
-    Raises `UserError` where something of what will be sent is sent already, on the same bus, and `RunError` for an
-    interface that cannot be used.
+    Raises `UserError` where something sends it already on the same bus, `RunError` for an unusable interface.
     """
     with ExitStack() as stack:
         links = {}
@@ -156,8 +155,7 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
 class PlayStatistics(NamedTuple):
     """Statistics of what was sent: number of frames, duration [s], and how late they were.
 
-    latest: largest delay [s], nan without a time grid; late: frames later than `LATE`; paused: for how long an
-    interface was waited for [s].
+    latest: largest delay [s], nan without a time grid; late: frames later than `LATE`; paused [s]: for an interface.
     """
 
     frames: int
@@ -198,10 +196,9 @@ def play(
 ) -> PlayStatistics:
     """Send each frame at start + its time / `speed` by the monotonic clock; late ones at once, so nothing drifts.
 
-    speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is called with the
-    time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
-    these buses, instead of `link`. While an interface is down or away all wait, which `tell` is given, and go on as
-    much later; no frame is left out. Raises `RunError` where a link fails otherwise, and `UserError` from reading the
+    speed: > 0; math.inf: as fast as the link takes, lateness unknown. `progress`, some ten times a second: time [s]
+    of the recording; `by_bus`: links for these buses, instead of `link`. While an interface is away (`tell` gets it)
+    all wait; no frame is left out. Raises `RunError` where a link fails otherwise, `UserError` from reading the
     frames.
     """
     stop = stop or threading.Event()
@@ -251,7 +248,7 @@ def play(
 
 
 def _wait_until_back(link: Link, error: LinkDownError, stop: threading.Event, tell: Callable[[str], None]) -> int:
-    """Reconnect a link whose interface is down or away; ns it took. `stop` ends it early."""
+    """Reconnect a link whose interface is down or away; returns how long it took [ns]."""
     since = time.monotonic_ns()
     tell(f"waiting for the interface: {error}")
     if reconnect(link, stop):

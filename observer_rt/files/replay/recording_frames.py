@@ -18,10 +18,7 @@ PAUSE = 1.0  # s, between two recordings, and between two stretches of one
 
 
 def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Iterator[framing.TimedFrame]:
-    """Frames that a measuring device would send, on a time that begins at 0; read from the file as they are sent.
-
-    windowed: only round injections, for which the recording is read beforehand. Raises `UserError` without any.
-    """
+    """Frames of a measuring device, from time 0; windowed: only round injections. Raises `UserError` without any."""
     refuse_without_lift(stream, "replay a recording with a lift: frames of samples carry no commands")
     block = framing.block_samples(bus)
     spans = [framing.Span(0, stream.grid_samples)]
@@ -48,10 +45,7 @@ def _frames_of(stream: SignalStream, bus: BusMap, spans: Iterable[framing.Span])
 
 
 def pieces(chunks: Iterable[Chunk], spans: Iterable[framing.Span]) -> Iterator[Chunk]:
-    """The samples of spans, which rise and do not overlap, from the chunks of one stretch; the rest is passed over.
-
-    Raises `RunError` where the chunks end before the spans do.
-    """
+    """The samples of rising, separate spans, out of the chunks of a stretch. Raises `RunError` if these end early."""
     waiting = iter(chunks)
     held: Chunk | None = None
     for span in spans:

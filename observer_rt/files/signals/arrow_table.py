@@ -21,10 +21,7 @@ _NANOSECONDS = {"s": NANOSECONDS, "ms": NANOSECONDS_PER_MS, "us": NANOSECONDS_PE
 
 
 class ArrowTable(Table):
-    """Columns by their names; units from the fields' metadata `unit`. Null is "not available".
-
-    Stamps of a calendar, times of day, and durations are in seconds from the first.
-    """
+    """Columns by their names; units from the metadata `unit`. Null is "not available"; times count from the first."""
 
     def __init__(self, path: Path, config: RecordingConfig, schema: Any, is_own: bool = False) -> None:
         super().__init__(path, config, is_own)
@@ -58,7 +55,7 @@ class ArrowTable(Table):
         return f"{self.path}, row {row}"
 
     def _numbers(self, column: Any, name: str) -> Floats:
-        """An array of Arrow as doubles. Raises `UserError` for other types."""
+        """Raises `UserError` for other types than numbers and times."""
         import pyarrow
 
         if _is_calendar(column.type):
@@ -110,7 +107,6 @@ def _is_number(kind: Any) -> bool:
 
 
 def _moments(column: Any) -> Ints:
-    """Stamps of a calendar as nanoseconds, `NO_MOMENT` for null."""
     import pyarrow
 
     stamps = column.cast(f"int{column.type.bit_width}").cast(pyarrow.int64())

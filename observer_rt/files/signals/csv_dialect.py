@@ -39,10 +39,9 @@ _ROW_BRACKETS = "(); \t"
 
 
 class Dialect(NamedTuple):
-    """Dialect of one file.
+    """Dialect of one file; names, units: of all columns; places: of mapped columns by signal; rows: the first ones.
 
-    names, units: of all columns, a unit empty where the file states none; places: of the mapped columns by signal;
-    heading: number of the line of names, 0 without one; first_row: lines before the first row; rows: first rows.
+    heading: number of the line of names, 0 without one; first_row: lines before the first row.
     """
 
     encoding: str
@@ -97,8 +96,7 @@ def dialect_of(
 ) -> Dialect:
     """Dialect of a file that has the columns of a mapping; None: any `fewest` columns of numbers.
 
-    is_own: the mapping is our own layout; remedy: for a file without names. Raises `UserError` if no line has the
-    names, or no numbers follow.
+    is_own: our own layout; remedy: for a file without names. Raises `UserError` if names or numbers are missing.
     """
     with path.open("rb") as binary:
         encoding = encoding_of(binary.read(_HEAD))
@@ -239,5 +237,4 @@ def _decimal(rows: Iterable[Sequence[str]]) -> str:
 
 
 def _number_count(row: Sequence[str]) -> int:
-    """Number of cells that look like numbers."""
     return sum(_LIKE_A_NUMBER.fullmatch(cell) is not None for cell in row)

@@ -1,7 +1,4 @@
-"""CSV in any dialect, which is found out, read by pandas a block of lines at a time; also shots beside a recording.
-
-Such a table of shots, a row a shot, is what an ECU exports: when the injector was energized.
-"""
+"""CSV in any dialect, read by pandas a block of lines at a time; also shots, by an ECU, beside a recording."""
 
 import re
 import warnings
@@ -92,7 +89,6 @@ class CsvTable(FileTable):
         return str(self.path) if number is None else f"{self.path}, line {number}"
 
     def _blocks(self) -> Iterator[tuple[int, list[str]]]:
-        """Lines from the first number on, and how many lines are before them."""
         before = self._dialect.first_row
         with self.path.open(encoding=self._dialect.encoding, errors="replace") as file:
             deque(islice(file, before), 0)
@@ -154,7 +150,7 @@ class CsvTable(FileTable):
         return table if len(table) == len(lines) else None
 
     def _cells(self, lines: Sequence[str]) -> dict[int, list[str]]:
-        """Cells of lines by their numbers from 1, without those that hold no row."""
+        """Those that hold no row are left out; numbers count from 1."""
         texts = (line.split(COMMENT)[0].strip("\r\n") for line in lines)
         split = {n: split_line(text, self._dialect.separator) for n, text in enumerate(texts, 1) if text.strip()}
         return {number: cells for number, cells in split.items() if cells}
@@ -189,7 +185,6 @@ class CsvTable(FileTable):
         return float(text)
 
     def _seconds(self, before: int, lines: list[str], stamps: Any) -> Floats:
-        """The time [s] by the calendar."""
         assert self._calendar is not None
         moments = self._calendar.nanoseconds(stamps)
         for row in np.flatnonzero(moments == NO_MOMENT):
@@ -242,8 +237,7 @@ class CsvTable(FileTable):
 def take_shots(path: Path, stream: TableSignals) -> None:
     """Tell the signals of a recording, by the table beside it, when the injector was energized.
 
-    Raises `UserError` for a recording that a table cannot tell of, for headings without names or units, and for a row
-    that is no shot of the recording after the one above it.
+    Raises `UserError` for a recording it cannot serve, unclear headings, and a row that is not the next shot.
     """
     bounds = np.ravel([(part.start, part.start + part.samples / stream.sample_rate) for part in stream.stretches])
     if "energizing" in stream.optional or np.any(np.diff(bounds) < 0.0):

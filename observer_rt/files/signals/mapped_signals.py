@@ -1,7 +1,4 @@
-"""A foreign file as a recording: columns mapped and scaled, one even grid, short gaps bridged, split at long ones.
-
-Each time axis is looked through first: its rate, its gaps, where it begins anew, how it fits the grid.
-"""
+"""A foreign file as a recording: columns mapped and scaled, one even grid, short gaps bridged, split at long ones."""
 
 import math
 from collections.abc import Iterator
@@ -30,7 +27,7 @@ _CHECK_TIME = "check column and unit of the time, or raise recording.bridge_ms"
 
 @dataclass
 class _Rows:
-    """Rows of an axis that were read and are still needed. first: number of the first one."""
+    """Rows of an axis that are still needed. first: number of the first one."""
 
     parts: Iterator[TablePart]
     first: int = 0
@@ -51,10 +48,9 @@ class _Rows:
 
 
 class MappedSignals(TableSignals):
-    """A table by its `[recording]` section, on a grid of `rate` [Hz].
+    """A table by its `[recording]` section, on a grid of `rate` [Hz]; stamps off the grid are resampled.
 
-    Stamps that are the grid's but for their jitter are taken for it, others are resampled by straight lines. Raises
-    `UserError` naming file, column or line for what cannot be read as a recording.
+    Raises `UserError` naming file, column or line for what cannot be read as a recording.
     """
 
     def __init__(self, table: Table, rate: float) -> None:
@@ -162,7 +158,6 @@ class MappedSignals(TableSignals):
         return axis
 
     def _surveyed_parts(self, raster: int) -> Iterator[TablePart]:
-        """Rows of a time axis, their times and ranges noted or refused."""
         rows = 0
         for part in self._parts(raster):
             bad = np.flatnonzero(~np.isfinite(part.time))
@@ -200,7 +195,6 @@ class MappedSignals(TableSignals):
         return not axis.is_on_grid or abs(1.0 / axis.period / self.sample_rate - 1.0) > SAME_RATE
 
     def _samples(self, run: RowRun) -> int:
-        """Number of samples of the grid within a run."""
         span = (run.end - run.begin) * self.sample_rate
         return int(round(span) if self._axes[self._main].is_on_grid else math.floor(span + 1e-6)) + 1
 

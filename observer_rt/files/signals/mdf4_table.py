@@ -98,7 +98,6 @@ class Mdf4Table(FileTable):
         return f"{self.path}, group {self._groups[raster]}, sample {row}"
 
     def _channel(self, column: ColumnConfig, channels: Sequence[Channel]) -> Channel:
-        """The channel of a name that is there."""
         candidates = [channel for channel in channels if channel.name == column.column]
         chosen = [channel for channel in candidates if column.group in (None, channel.group)]
         if len(chosen) == 1:

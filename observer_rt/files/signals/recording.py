@@ -1,7 +1,4 @@
-"""A recording of an injector: an even time grid, the three inputs, and the measured rate if there is one.
-
-`TimeGrid` checks that the stamps are even, and finds the sample rate behind stamps that were rounded for printing.
-"""
+"""A recording of an injector: an even time grid, the three inputs, and the measured rate if there is one."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,12 +16,10 @@ from observer_rt.foundation.units import Floats
 from observer_rt.model.surroundings import Surroundings
 
 STEP_TOLERANCE = 0.2
-"""Largest deviation of one step from the median step, as a share of it: stamps are often printed with few
-digits (48 kHz in whole microseconds is 5 % off), while a lost sample is 100 % off."""
+"""Largest deviation of a step from the median, as a share: rounding gives 5 % (48 kHz in us), a lost sample 100 %."""
 
 GRID_TOLERANCE = 0.5
-"""Largest distance of a stamp from the straight line through the first and the last, in samples: the clock
-must not drift within a recording by as much as would move a sample into its neighbour's place."""
+"""Largest distance of a stamp from the line through the first and the last, in samples: the clock must not drift."""
 
 MAX_SIGNIFICANT_DIGITS = 15
 _ROWS = 1024  # of every block of so many rows only the two farthest from the grid are remembered
@@ -105,9 +100,7 @@ class TimeGrid:
     def sample_rate(self) -> float:
         """Sample rate [Hz] of the stamps so far, exact although printed stamps are rounded.
 
-        Rounded stamps give the slope only within a margin. The result is the rate or the period with the fewest
-        significant digits inside that margin: 30 kHz printed in whole microseconds gives 30000.0, a period of 3 us
-        gives 1 / 3e-6.
+        The rate or period with the fewest digits inside their margin: 30 kHz in whole microseconds gives 30000.0.
         """
         span = self._last - self._begin
         rate = (self.samples - 1) / span
@@ -116,7 +109,6 @@ class TimeGrid:
         return roundest(rate, margin)
 
     def _farthest(self) -> tuple[int, float]:
-        """The row that lies farthest from the line through the first and the last stamp, and how far [s]."""
         rows, distances = np.array(self._extremes).T
         step = (self._last - self._begin) / (self.samples - 1)
         off_line = np.abs(distances - rows * (step - self._step))
@@ -143,10 +135,9 @@ def roundest(rate: float, margin: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Signals of one recording, SI units, every array float64 of shape (n,), n >= 2.
+    """Signals of one recording, SI, float64 (n,), n >= 2; NaN in a signal means "not available".
 
-    NaN in a signal means "not available". Raises `UserError` when the arrays differ in length, a signal holds
-    an infinite value or `time` is not an even, rising grid.
+    Raises `UserError` for different lengths, infinite values, or a `time` that is not an even, rising grid.
     """
 
     time: Floats
@@ -254,7 +245,7 @@ def shown_slowly(values: Floats, interval: float, *lags: float) -> Floats:
 def refuse_impossible(signals: Arrays, place_of_row: Callable[[int], str]) -> None:
     """Raise `UserError` for the first value of signals (n,) [SI] that is infinite, or impossible round an injector.
 
-    `place_of_row` turns a zero-based row into a location that a user can find, such as a line of a file.
+    `place_of_row` turns a row from 0 into a location for users.
     """
     for signal, values in signals.items():
         odd, problem = np.isinf(values), "is infinite, or larger than any measurement"

@@ -96,11 +96,9 @@ class SignalStream(ABC):
         return replace(joined(list(parts)), meaning=self.meaning, meter=self.meter, notes=self.notes)
 
     def _grid(self, first: int, end: int) -> Floats:
-        """Times [s] of samples [first, end) of the one grid."""
         return self.stretches[0].start + np.arange(first, end) / self.sample_rate
 
     def _places(self) -> list[int]:
-        """Places of the first samples of the stretches on one grid."""
         places = [0]
         for before, after in zip(self.stretches, self.stretches[1:], strict=False):
             end = before.start + before.samples / self.sample_rate
@@ -122,7 +120,6 @@ def joined(parts: Sequence[Recording]) -> Recording:
 
 
 def _concatenated(parts: Sequence[Recording]) -> dict[str, Floats]:
-    """Time and signals of all parts, which have the same."""
     if len(parts) == 1:
         return parts[0].arrays
     return {name: np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].arrays}

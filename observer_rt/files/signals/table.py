@@ -43,10 +43,9 @@ NO_ROWS = TablePart(np.empty(0), {})
 
 
 class Table(ABC):
-    """The mapped columns of a file.
+    """The mapped columns of a file. Raises `UserError` for one that lacks a column or cannot be read.
 
-    word: what a column is called; brings_time: the file's own time, in seconds, instead of a column that is mapped.
-    Raises `UserError` for a file that lacks a column or cannot be read.
+    word: for a column; brings_time: the file's own time, in seconds, instead of a column.
     """
 
     word: ClassVar[str] = "column"
@@ -98,7 +97,7 @@ class Table(ABC):
         return dict(self.config.signals)
 
     def _part(self, columns: dict[str, Floats], row: int) -> TablePart:
-        """Columns by signal, from a row on; without a time they follow each other at the rate stated."""
+        """Without a time the rows follow each other at the rate stated."""
         if TIME in columns:
             return TablePart(columns.pop(TIME), columns)
         assert self.config.rate_hz is not None
@@ -151,7 +150,7 @@ def missing_column(location: str, column: ColumnConfig, names: Collection[str], 
 
 @dataclass(frozen=True)
 class SignalFormat:
-    """A kind of file that holds a recording's signals, by its suffix, in lower case with its dot.
+    """Kind of file with a recording's signals, by its suffix, in lower case with its dot.
 
     table: reads its files by any mapping; mapping: that of our own layout; is_written: or only read.
     """

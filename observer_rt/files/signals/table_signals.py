@@ -65,7 +65,6 @@ class TableSignals(SignalStream):
         """Times [s] at which energizing begins and ends in turn, by a table of shots."""
 
     def _parts(self, raster: int) -> Iterator[TablePart]:
-        """Rows of a time axis in SI units, none empty, read anew."""
         time_scale = self._scales.get(TIME, _Scale(1.0, 0.0, False))
         for part in self._table.parts(raster):
             if part.time.size:
@@ -88,7 +87,6 @@ class TableSignals(SignalStream):
             raise UserError(str(self.path), problem, "map one of them, or write x.shots.csv beside x.csv")
 
     def _survey_part(self, part: TablePart, row: int, raster: int) -> None:
-        """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
         refuse_impossible(part.signals, lambda inside: self._table.location(row + inside, raster))
         self.survey.take_together(part.signals)
 

@@ -22,7 +22,7 @@ _ROW_GROUP = 1 << 17  # rows of Parquet, of which a reader holds all of a column
 
 
 class WrittenColumn(NamedTuple):
-    """A column: its name in text and Parquet, as a channel of MDF4 with its unit, and how it is printed.
+    """A column: its name in text and Parquet, its channel and unit in MDF4, and how it is printed.
 
     words: of the numbers 0, 1, ... where the column shows words; factor: SI value of one unit.
     """
@@ -154,7 +154,6 @@ class ParquetWriter(TableWriter):
 
 
 def _conversion(words: Sequence[str]) -> dict[str, Any] | None:
-    """MDF4's table from numbers to words."""
     if not words:
         return None
     numbers = {f"val_{number}": number for number in range(len(words))}
@@ -194,10 +193,7 @@ _LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
 
 @contextmanager
 def recording_writer(path: Path, recorded: Collection[str]) -> Iterator[Callable[[Recording], None]]:
-    """Writes the parts it is given in our own layout of the suffix, replacing an existing file.
-
-    recorded: names of the signals that the parts have.
-    """
+    """Writes parts, which have the `recorded` signals, in our layout of the suffix, replacing an existing file."""
     suffix = path.suffix.lower()
     columns = [column for column in _LAYOUTS[suffix] if column.channel in ("time", *recorded)]
     with TABLE_WRITERS[suffix](path, columns) as writer:

@@ -76,10 +76,7 @@ def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | Non
 
 
 def seconds_since(origin: int, moments: Ints, of_day: bool = False) -> Floats:
-    """Moments or times [ns] (n,) as exact seconds since `origin` [ns]; NaN for an invalid stamp.
-
-    of_day: they are times of a day, and may pass midnight once.
-    """
+    """Moments [ns] (n,) as exact seconds since `origin` [ns]; NaN if invalid. of_day: may pass midnight once."""
     after = moments - origin
     if of_day:
         after = (after + _HOUR) % _DAY - _HOUR  # a clock that was set back steps back by less
@@ -87,10 +84,7 @@ def seconds_since(origin: int, moments: Ints, of_day: bool = False) -> Floats:
 
 
 def rate_of(stamps: Floats) -> float | None:
-    """Rate [Hz] of stamps [s] (n,): the roundest that they allow, or the one of the roundest period.
-
-    None where they do not rise nearly everywhere.
-    """
+    """Rate [Hz] of stamps [s] (n,), the roundest they allow, or of the roundest period; None for disordered ones."""
     step = np.diff(stamps)
     rising = step[step > 0.0]
     if not np.isfinite(stamps).all() or rising.size < max(2.0, (1.0 - _BACK) * step.size):

@@ -43,10 +43,7 @@ def task_of_recordings(
     from_channel: Sequence[str],
     console: Console,
 ) -> tuple[Path, DiscoveryTask]:
-    """Injector file, and recordings to compare with it; model None: the bench file's.
-
-    Raises `UserError` for files that cannot serve.
-    """
+    """Injector file (None: the bench's), and recordings to compare with it. Raises `UserError` for unusable files."""
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     injector = load_injector(start)
     paths = without_copies(without_companions(recordings, console), console)

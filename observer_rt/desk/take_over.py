@@ -1,11 +1,8 @@
 """Takes an amended model over: the bench file names it from now on, and the daemon that serves the bench uses it.
 
-First it learns for that model from the events that were kept with the one in force, so that the first injection is
-estimated as well as the last one before. Then either both happen or neither: a daemon that cannot be asked, or does
-not end up with this model, leaves the bench file as it was. What the file named before is noted beside it, so that
-each step can be undone, one at a time.
-
-A finding adds effects and terms; all other differences are corrections that taking it over would undo.
+First it learns for that model from kept events, so that the first injection is estimated as well as the last one.
+Then both happen or neither: a daemon that does not end up with this model leaves the bench file as it was. Each step
+is noted beside it, and can be undone. A finding adds effects and terms; taking it over would undo other corrections.
 """
 
 import fcntl
@@ -74,9 +71,8 @@ class StepOutcome(NamedTuple):
 def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> StepOutcome:
     """Learn for an amended injector file, and have a bench file name a copy of it, beside the file it named.
 
-    injector: empty where the bench has one; accepts_changes: also those besides the effects and terms added. Raises
-    `UserError` without that, for a model that cannot be loaded, or is the one in force, and `UserError` or `RunError`
-    for a daemon that does not take it.
+    injector: empty where the bench has one; accepts_changes: also those besides added effects and terms, else
+    `UserError`, as for an unusable model or the one in force; `RunError`, too, for a daemon that does not take it.
     """
     with _locked_folder(path):
         bench = load_bench(path).of(injector or None)
@@ -106,10 +102,7 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
 
 
 def undo(path: Path, injector: str = "") -> StepOutcome:
-    """Undo the last step of an injector: the bench file names the injector file that it named before.
-
-    Raises `UserError` where the present injector file was not taken over, otherwise as `take_over`.
-    """
+    """Undo the last step of an injector. Raises `UserError` without one, otherwise as `take_over`."""
     with _locked_folder(path):
         bench_injector, done = load_bench(path).of(injector or None).injector, steps(path)
         own = [step for step in done if step.injector == injector]
@@ -140,7 +133,7 @@ def _locked_folder(path: Path) -> Iterator[None]:
 
 
 def _copy_amended(bench: Bench, amended: Path, used: set[str]) -> Path:
-    """Copy of an amended file, named after the injector and by a number that no file has or had."""
+    """It is named after the injector, by a number that no file has or had."""
     injector = bench.injector
     folder = injector.parameters_path.parent if injector.config.model.file is not None else bench.path.parent
     stem = injector.name or injector.parameters_path.stem.partition(_AMENDED)[0]
@@ -180,10 +173,7 @@ def _put_into_force(path: Path, injector: str, file: str | None, done: Sequence[
 
 
 def _reload(bench: Bench) -> Message | None:
-    """Have the daemon that keeps the injector's evidence or state read the bench file; None: no daemon does.
-
-    Raises `UserError` or `RunError` unless it has the model of the bench in force then.
-    """
+    """Have the daemon read the bench file; None without one. Raises an error unless it has the bench's model then."""
     injector = bench.injector
     model = model_hash(injector.parameters)
     for kept in socket_places(injector):
@@ -198,8 +188,8 @@ def _reload(bench: Bench) -> Message | None:
 def learn_beforehand(bench: Bench, amended: Path) -> int:
     """Learn for an amended injector file from the evidence; returns the number of events learned from.
 
-    bench: of one injector, with the earlier model in force. The knowledge is written beside the amended file, where
-    a daemon looks for it. 0, and no file: without evidence, or if the amended model does not explain the last event.
+    bench: of one injector, with the earlier model. The knowledge is written beside the amended file, where a daemon
+    looks. 0, and no file: without evidence, or if the amended model does not explain the last event.
     """
     state_file = learned_beside(amended)
     with file_errors(state_file):
@@ -222,10 +212,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
 
 
 def _kept_events(injector: BenchInjector) -> Sequence[KeptEvent]:
-    """Events that were kept with this model, the oldest first. Raises `UserError` for a folder without any.
-
-    None where the bench measures surroundings, which evidence does not hold.
-    """
+    """Events kept with this model, the oldest first; none for measured surroundings, which evidence does not hold."""
     if injector.evidence is None or injector.config.signals.surroundings:
         return ()
     model = model_hash(injector.parameters)
@@ -234,10 +221,7 @@ def _kept_events(injector: BenchInjector) -> Sequence[KeptEvent]:
 
 
 def naming_injector_file(path: Path, content: bytes, injector: str, file: str | None) -> bytes:
-    """Content of a bench file that names an injector file for one of its injectors; None: the package's file.
-
-    Raises `UserError` for a text that cannot be changed.
-    """
+    """A bench file's content with this injector file, None: the package's. Raises `UserError` if unchangeable."""
     text = content.decode("utf-8")
     mark, text = (_MARK, text[1:]) if text.startswith(_MARK) else ("", text)
     try:
@@ -311,7 +295,6 @@ def _shown(value: object, unit: str) -> str:
 
 
 def _lost_entries(before: InjectorParameters, after: InjectorParameters) -> Iterator[str]:
-    """Effects and terms in force that the other file leaves out or states otherwise."""
     stated: list[EffectInForce | TermInForce] = [*before.effects, *before.terms]
     kept: list[EffectInForce | TermInForce] = [*after.effects, *after.terms]
     for entry in stated:
@@ -320,7 +303,6 @@ def _lost_entries(before: InjectorParameters, after: InjectorParameters) -> Iter
 
 
 def _physics_of(entry: EffectInForce | TermInForce) -> tuple[object, ...]:
-    """The physics of an effect or term, without its origin."""
     if isinstance(entry, TermInForce):
         size = entry.coefficient
         return entry.equation, entry.law, size and (size.value, size.unit)

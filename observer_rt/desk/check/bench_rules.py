@@ -21,10 +21,10 @@ from observer_rt.model.plausibility import implausible as beyond_physics
 
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
-    """Findings about files, buses, observers and machine. Checks that an error in a file prevents are left out.
+    """Findings about files, buses, observers and machine, without checks that an error in a file prevents.
 
-    state: file with a learned state, which stays as it is, instead of the one that the bench file names. Where there
-    are several injectors, each finding names its injector. Raises `UserError` for one state of several injectors.
+    state: file with a learned state, instead of the bench file's, left as it is. Raises `UserError` for one state of
+    several injectors; each finding names its own.
     """
     findings = bench_findings(bench, state)
     is_sound = not any(finding.error for finding in findings)
@@ -46,10 +46,7 @@ def refuse_errors(bench: Bench, state: Path | None, journal: Path | None, inject
 def bench_findings(
     bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
 ) -> list[Finding]:
-    """All findings about a bench, without those about the machine.
-
-    state, journal: replace the files that the bench file names for this injector, None: for the only one.
-    """
+    """All findings about a bench without its machine; state, journal: replace the files of its (only) injector."""
     chosen = None if state is None and journal is None else bench.of(injector).injector
     findings = _files(bench)
 
@@ -118,7 +115,6 @@ def _learned_state(injector: BenchInjector, state: Path | None, journal: Path | 
 
 @ruled("effects")
 def _effects(injector: BenchInjector) -> Iterator[Statement]:
-    """The effects and terms that the injector file adds to the nominal model."""
     yield from injector.parameters.in_force
 
 

@@ -35,7 +35,7 @@ def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
 
 @ruled("buses")
 def _links(bench: Bench) -> Iterator[Statement]:
-    """Refuses an unknown interface, and a data bit rate below the bit rate."""
+    """Unknown interfaces, and data bit rates below the bit rate."""
     for link in bench.config.buses:
         config, location = link.config, f"{bench.path}: {link.location}"
         require_interface(f"{location}.interface", config.interface)
@@ -171,10 +171,9 @@ def _load(bench: Bench, mapped: BenchMap) -> Iterator[Statement]:
 
 
 def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
-    """Load of the bus of this number by all that is sent; windowed: only `WINDOW` of samples for each injection.
+    """Load of a bus; windowed: by `WINDOW` of samples, and a message without cycle time, once an injection.
 
-    A message of optional inputs without a cycle time counts as sent once an injection. Raises `ValueError` for a
-    message that does not fit its kind of frame.
+    Raises `ValueError` for a message that does not fit its kind of frame.
     """
     link = bench.config.buses[number].config
     continuous = windowed = 0.0

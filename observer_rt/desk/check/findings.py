@@ -48,10 +48,7 @@ Statement = str | UserError | Finding
 
 
 def ruled(topic: str) -> Callable[[Callable[P, Iterator[Statement]]], Callable[P, list[Finding]]]:
-    """Decorate a generator of statements, which then returns findings of this topic unless they name another.
-
-    An error that it raises is the last finding.
-    """
+    """Decorate a generator of statements to return findings of this topic; an error that it raises is the last."""
 
     def decorate(rules: Callable[P, Iterator[Statement]]) -> Callable[P, list[Finding]]:
         @wraps(rules)

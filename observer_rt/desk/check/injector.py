@@ -36,7 +36,6 @@ _NUMBERED = {
 
 @ruled("mapping")
 def _inputs(injector: BenchInjector, bus: BusMap) -> Iterator[Statement]:
-    """Every input with its message and range, the optional ones behind the others."""
     for role in ROLES:
         yield _mapping(injector, bus, role)
     for slow in bus.slow:
@@ -61,7 +60,6 @@ def _optional(name: str, signal: "SlowSignal") -> Finding:
 
 
 def _energizing(energizing: "EnergizingLayout") -> Iterator[Statement]:
-    """Mapping of the energizing signal, and the stamps behind opening delays."""
     layout, names = energizing.layout, energizing.names
     signals = names[0] if len(names) == 1 else f"{len(names)} samples a frame, {names[0]} to {names[-1]}"
     kind = "energized while it is not 0" if energizing.is_level else "energizing time"
@@ -92,7 +90,6 @@ def mapping_findings(injector: BenchInjector, bus: BusMap, messages: Sequence[Kn
 
 @ruled("protection")
 def _protection(injector: BenchInjector, bus: BusMap) -> Iterator[Statement]:
-    """Lists the inputs with and without end-to-end protection."""
     limits = injector.config.e2e
     protected = [layout for layout in bus.received if layout.e2e_profile is not None]
     bare = [bus.name_of(layout) for layout in bus.received if layout.e2e_profile is None]
@@ -156,8 +153,7 @@ def _periods(
 ) -> Iterator[Statement]:
     """Compare the time between samples [ns] in the database with `expected`, that of the bench file.
 
-    samples: of every role that `frames` frames together carry; refusing: the injector whose sampling rate another
-    sample period contradicts, None: that is a warning.
+    samples: of every role that `frames` frames together carry; refusing: injector for an error, None: for a warning.
     """
     period = layout.sample_period_ns
     if period is not None and abs(period - expected) > PERIOD_TOLERANCE:

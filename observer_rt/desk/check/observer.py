@@ -60,7 +60,6 @@ def _fuel(injector: BenchInjector) -> Iterator[Statement]:
 
 @ruled("integration")
 def _integration(injector: BenchInjector) -> Iterator[Statement]:
-    """Steps that integrate a sample, and how near the limits they are."""
     steps = bench_constants(injector).substeps
     model, rate = effective_model(injector.parameters), injector.sample_rate
     if stepping := model.coefficients.line.stepping(1.0 / rate):
@@ -72,7 +71,6 @@ def _integration(injector: BenchInjector) -> Iterator[Statement]:
 
 @ruled("fitted model")
 def _fitted_model(injector: BenchInjector) -> Iterator[Statement]:
-    """Findings about the fit that the injector file states; none where it was not fitted."""
     baseline = injector.parameters.baseline
     if baseline is None:
         return

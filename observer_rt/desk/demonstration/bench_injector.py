@@ -1,8 +1,7 @@
 """The injector that is demonstrated on: (19)-(23) as printed, solved by scipy, with a needle and a rail of its own.
 
-It shares no code with the model that observes it, so that a demonstration shows more than that the model agrees with
-itself: the orifice laws are sharp but below 1 kPa, the integrator chooses its steps, the needle accelerates and hits
-its stops hard, the rail dips with every injection, recovers, and ripples with the pump.
+It shares no code with the model that observes it, to show more than that the model agrees with itself: sharp orifice
+laws, free steps, a needle that hits its stops hard, a rail that dips, recovers and ripples with the pump.
 """
 
 import math
@@ -144,7 +143,6 @@ def _rates(x: Floats, time: float, operation: BenchOperation, departure: Departu
 
 
 def _nozzle_flow(sac: float, departure: Departure) -> float:
-    """Injection rate [m3/s] of (23)."""
     return departure.nozzle * NOZZLE_AREA * _velocity(sac - CHAMBER_PRESSURE)
 
 

@@ -121,7 +121,6 @@ class EffectDemo:
         return self._result(scenes)
 
     def _bench_file(self) -> Path:
-        """Write the bench file: the example's, with evidence, on vcan0 where there is one."""
         document: Any = tomlkit.parse(exact_text(EXAMPLE_BENCH))
         link = demo_link()
         document["link"]["interface"], document["link"]["channel"] = link.interface, link.channel
@@ -157,7 +156,7 @@ class EffectDemo:
         time.sleep(QUIET)
 
     def _wait_until_ready(self, times: int) -> None:
-        """Wait until the log has said so many times that the daemon is ready. Raises `RunError` after `_START`."""
+        """Raises `RunError` unless the log says within `_START` so many times that the daemon is ready."""
         patience = time.monotonic() + _START
         while time.monotonic() < patience:
             log = self.folder / LOG

@@ -171,7 +171,6 @@ def _on_link(bench: Bench, link: LinkConfig) -> Bench:
 
 
 def _wait_until_quiet(daemon: Daemon, interrupted: threading.Event) -> None:
-    """Wait until the daemon has processed no further sample for a while, or `interrupted` is set."""
     seen, since = -1, time.monotonic()
     while time.monotonic() - since < _QUIET and not interrupted.wait(0.05):
         processed = daemon.core.processed

@@ -27,10 +27,9 @@ FRAMES_PER_STEP = 5000  # of the progress bar
 def convert(
     source: Path, target: Path, bench: Bench | None, from_channels: Sequence[str], force: bool, console: Console
 ) -> str:
-    """Convert a file, the formats by suffix; returns one line on what was written.
+    """Convert a file, the formats by suffix, a log by a bench file; returns a line on the result.
 
-    A log becomes a recording by a bench file. Raises `UserError` for what does not fit together and for what the
-    target cannot hold; the target is then as it was before.
+    Raises `UserError` for a pair that does not fit and for content the target cannot hold, which is then as before.
     """
     holds_frames = is_log(source)
     suffix = target.suffix.lower()
@@ -84,7 +83,7 @@ def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
 
 
 def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) -> str:
-    """A recording as the frames of a measuring device, by the bench file."""
+    """Frames of a measuring device, by the bench file."""
     if bench is None:
         remedy = "name a bench file by --bench, which says how they are sent"
         raise UserError(f"{source} -> {target}", "a recording of signals has no frames", remedy)

@@ -128,7 +128,7 @@ def injection_result(
 ) -> InjectionResult:
     """Result over the window an injection was detected in, without courses; nan where not all of it is remembered.
 
-    meter: time constants [s] by which a measured rate is late; what it shows too late of a mass is the estimate's.
+    meter: time constants [s] by which a measured rate is late; the mass it shows too late is the estimate's.
     """
     trace, is_known = samples.trace, samples.is_whole
     measured = trace.measured_rate if has_rate and is_known else None

@@ -1,7 +1,4 @@
-"""Recordings and CAN logs through the same core as the daemon, part by part.
-
-Memory does not depend on the number of samples, unless they are kept as a trace.
-"""
+"""Recordings and CAN logs through the daemon's core, part by part: only a trace that is kept needs more memory."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -49,15 +46,11 @@ def evaluate(
 ) -> History:
     """Evaluate recordings as one history, learning in lockstep.
 
-    Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit;
-    the frames of a log, as `LoggedSignals`, go in as they are. Between two recordings the sample index jumps, as
-    between two windows of a windowed source; that of a log must go on beyond that of the one before.
-
-    knowledge: learned before; learning: whether the recordings are learned from; progress: takes the number of
-    samples processed; learner_of: makes the learner of the bench's injector; curves_of: as of `Evaluation`; traces:
-    files to be written of the first of the recordings, None: traces, curves and frames are all kept in memory.
-    A lift that fails is left out of all where all have commands. Raises `UserError` for a recording whose sample rate
-    is not the bench's.
+    All go through the bench's bus codec, so that the result equals the daemon's bit for bit. Between two recordings
+    the sample index jumps, as between windows; that of a log must go on beyond that of the one before.  knowledge:
+    learned before; progress: takes samples processed; learner_of: makes the learner; curves_of: as of `Evaluation`;
+    traces: files to be written of the first recordings, None: traces, curves and frames stay in memory. A lift that
+    fails is left out of all where all have commands. Raises `UserError` for another sample rate.
     """
     sources = [HeldSignals(recording) if isinstance(recording, Recording) else recording for recording in recordings]
     evaluations = [Evaluation(source, curves_of, traces is None) for source in sources]

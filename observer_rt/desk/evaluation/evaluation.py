@@ -34,10 +34,7 @@ class Evaluation:
     lift_failed = False  # and was left out, for it did not show injections that were commanded
 
     def __init__(self, source: SignalStream, curves_of: Coefficients | None = None, keeps_all: bool = False) -> None:
-        """curves_of: the nominal model, where curves are drawn.
-
-        keeps_all: the trace, and curves of all injections; else curves of the first, a middle and the last one only.
-        """
+        """curves_of: nominal model, where curves are drawn; keeps_all: the trace, and all curves, not three."""
         self.path = source.path
         self.sample_rate = source.sample_rate
         self.has_rate, self.has_lift = "injection_rate" in source.optional, source.has_lift

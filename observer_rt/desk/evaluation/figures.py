@@ -80,10 +80,7 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
 
 
 def _table(masses: Sequence[MassRow], against: bool) -> pd.DataFrame:
-    """Masses and their intervals, an injection a row [%]: against the reference, else the nominal model.
-
-    said: number at the bar: the error, else the mass [mg].
-    """
+    """Masses and intervals by injection [%], against the reference, else the nominal model; said: at the bar."""
     unknown = np.nan, np.nan
     table = pd.DataFrame(
         [(row.number, row.valid, row.estimated, row.nominal, *(row.ci95 or unknown)) for row in masses],
@@ -173,9 +170,8 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
 def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     """Draw curves of injections above, masses and wear of all injections below.
 
-    One recording shows what its events were, too, where one was perhaps not as before, and the laws that were learned
-    from them. Several recordings share all axes, each in a colour of its own. reference: what the estimates are
-    compared with ("true", "measured").
+    One recording also shows uncertain events and learned laws; several have a colour each. reference: "true",
+    "measured".
     """
     numbers = sorted({number for picture in recordings for number in picture.curves})
     has_line = any(curve.line is not None for picture in recordings for curve in picture.curves.values())
@@ -219,7 +215,6 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
 
 
 def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture], reference: str) -> None:
-    """Legend of the recordings where there are several, the title above it, else of the first injection's lines."""
     handles: Sequence[Artist] = axes[0].get_legend_handles_labels()[0]
     if len(recordings) > 1:
         title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
@@ -296,10 +291,7 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
 
 
 def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int] = ()) -> list[Picture]:
-    """Masses and wear of all injections, curves of those chosen, else of the first, a middle and the last.
-
-    Raises `UserError` for a number that no injection has.
-    """
+    """Masses and wear of all injections, curves of those chosen, else of three. Raises `UserError` for no number."""
     numbers = {injection.number for evaluation in evaluations for injection in evaluation.injections}
     shown = numbers_shown(chosen, numbers)
     return [_picture_of(evaluation, shown) for evaluation in evaluations]

@@ -1,7 +1,6 @@
 """Runs the observer itself on recordings: the remainder that its x~ leaves of a healthy injector, laws it learns.
 
-The remainder of `fit` does not serve: its predictor smooths the rail pressure and reads the lift otherwise, and so
-has other innovations.
+The remainder of `fit` does not serve: its predictor smooths the rail pressure and reads the lift otherwise.
 """
 
 from collections.abc import Sequence
@@ -37,8 +36,6 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class _HealthyEvent:
-    """One event with what the learner estimated it by."""
-
     window: Window
     setting: Setting
     sigma: float  # of the innovations [p_0]
@@ -51,8 +48,6 @@ class _HealthyEvent:
 
 
 class _Listener(Learner):
-    """A learner that also keeps the events from which it learns."""
-
     def __init__(self, events: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge) -> None:
         super().__init__(constants, start)
         self._events = events
@@ -76,8 +71,8 @@ def observer_remainder(
 ) -> HealthyRemainder | None:
     """Remainder that the observer leaves of healthy recordings; None where it judged no event of them.
 
-    baseline: what else its fit states, None of one that was not fitted. Recordings at another sample rate than the
-    first one's are left out. Raises `UserError` as `evaluate`.
+    baseline: what else its fit states. Recordings at another sample rate than the first one's are left out. Raises
+    `UserError` as `evaluate`.
     """
     rate = recordings[0].sample_rate
     fitted = injector.model_copy(update={"baseline": baseline})

@@ -69,9 +69,7 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
 
 
 def _refuse_early(paths: Sequence[Path], traces: Sequence[Path], options: EvaluateOptions) -> None:
-    """Raise `UserError`, before the long work, for options that do not fit together, and for files that could not be
-    written after it, or would replace one that nobody named.
-    """
+    """Raise `UserError`, before the long work, for options that do not fit, and files not to be written."""
     location = f"--output {options.output}"
     if len(paths) > 1 and options.output is not None and not options.has_folder:
         raise UserError(location, "names a file, but there are several recordings", "name a folder")
@@ -96,17 +94,13 @@ def _refuse_early(paths: Sequence[Path], traces: Sequence[Path], options: Evalua
 
 
 def _traces(paths: Sequence[Path], options: EvaluateOptions) -> list[Path]:
-    """Traces to write: one for each recording, or none at all."""
     if options.output is None or not options.has_folder:
         return [] if options.output is None else [options.output]
     return [options.output / (path.name + TRACE_SUFFIX) for path in paths]
 
 
 def look_over(bench: Bench, sources: Sequence[SignalStream], console: Console) -> None:
-    """Warn of oddities in recordings and of doubts about the model's fit, before any evaluation.
-
-    Raises `UserError` for a recording that does not match the bench, or has a dead signal.
-    """
+    """Warn of odd recordings and doubts about the fit. Raises `UserError` for a wrong bench or a dead signal."""
     benches = [bench_for(bench, source) for source in sources]
     for doubt in dict.fromkeys(doubt_about_fit(own.injector) for own in benches):
         if doubt is not None:
@@ -131,11 +125,10 @@ def evaluate_runs(
     curves_of: Coefficients | None,
     traces: Sequence[Path] | None = None,
 ) -> tuple[list[Evaluation], Knowledge]:
-    """Evaluate every source by itself, or all of them as one history, in which knowledge goes on from run to run.
+    """Evaluate every source by itself, or as one history (`chain`); returns the knowledge at the end, too.
 
-    learning: unless the bench has it off; progress: gets the number of samples done;
-    curves_of, traces: as of `evaluate`.
-    Also returns the knowledge at the end of the last run. Raises `UserError` for a history of several sample rates.
+    learning: unless the bench has it off; progress: takes samples done; curves_of, traces: as of `evaluate`. Raises
+    `UserError` for a history of several sample rates.
     """
     runs = observer_runs(sources) if chain else [[source] for source in sources]
     if chain:
@@ -163,10 +156,7 @@ def evaluate_runs(
 def starting_knowledge(
     location: str, path: Path | None, parameters: InjectorParameters, tell: Callable[[str], None]
 ) -> Knowledge | None:
-    """Learned state that a user names, with a message of what became of it; None without one.
-
-    Raises `UserError` at `location` for one that is not there, and for one of another model.
-    """
+    """Learned state that a user names, if any. Raises `UserError` at `location` if it lacks or is another model's."""
     if path is not None and not path.exists():
         raise UserError(f"{location} {path}", "no such file", "correct the path, or leave it out")
     return restored_knowledge(path, parameters, tell, set_aside=False)

@@ -1,7 +1,4 @@
-"""The daemon's watches over a log, and why it gives no samples, or at another rate: one rule for each cause.
-
-A remedy is given only if it was tried on the log and gives samples.
-"""
+"""The daemon's watches over a log, and why it gives no samples, or at another rate; remedies were tried on it."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -44,8 +41,8 @@ SHORTEST_PAUSE = 0.1  # s in the stamps: no frame waits so long
 class LogWatch:
     """Is given every frame of a log after the core; the first stamp is the begin.
 
-    spans: first and last stamp [ns] by the key of a message; of that with the line pressure, whose samples are the
-    grid, when its stamps step ahead and by how much [s], and its duration [s] since there are samples.
+    spans: first and last stamp [ns] by the key of a message; of that with the line pressure, steps of its stamps [s]
+    and its duration [s] since there are samples.
     """
 
     def __init__(self, injector: BenchInjector, bus_map: BusMap, core: Core) -> None:
@@ -126,10 +123,7 @@ class DecodedLog:
     watch: LogWatch
 
     def gives_samples(self, bench: Bench | None = None, earlier: Mapping[int, int] = NONE, **tables: Any) -> bool:
-        """Whether it gives plausible samples by another bench, by other tables of the inputs, or by earlier stamps.
-
-        earlier: by how many ns, by the key of their message.
-        """
+        """Whether it gives plausible samples by another bench, other input tables, or `earlier` stamps [ns]."""
         counts: Counter[int] = Counter()
         held = []
         for on, frame in self.frames:

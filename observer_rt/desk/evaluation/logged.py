@@ -118,7 +118,6 @@ class LoggedSignals(SignalStream):
         yield from self._placed(held, number, first, len(self.logged[number]))
 
     def _rows(self, core: Core, watch: LogWatch | None = None) -> Iterator[Structs]:
-        """The samples that the observer received, in blocks."""
         seen = 0
         for frames in self._together(core, watch):
             core.handle_many(block_of(frames))
@@ -171,7 +170,7 @@ class LoggedSignals(SignalStream):
             yield Chunk(time, rail, signal(lift), line, None, self.path, self.sample_rate, number, start)
 
     def _signals(self, rows: Structs) -> dict[Role, Floats]:
-        """Signals [SI] of the samples that came; the lift before its interpolation."""
+        """The lift is that before its interpolation [SI]."""
         came = rows[~rows["interpolated"]]
         pressures = {role: self._pressure(came, role) for role in (Role.RAIL_PRESSURE, Role.LINE_PRESSURE)}
         return {**pressures, Role.NEEDLE_LIFT: came["needle_lift"]} if self.has_lift else pressures
@@ -191,9 +190,8 @@ def _restarts(stretches: Sequence[range]) -> Iterator[str]:
 def open_source(
     path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, density: float | None = None
 ) -> SignalStream:
-    """Look through a file, and warn of odd values in it. from_channels: of a log, as `--from-channel` names them.
+    """Look through a file, and warn of odd values. from_channels: of a log; density [kg/m3]: None for the bench's.
 
-    density: of the fuel [kg/m3], for a measured rate of mass; None: that of the bench's injector.
     Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
     without a bench file.
     """
@@ -223,8 +221,8 @@ def without_companions(paths: Sequence[Path], console: Console) -> list[Path]:
 def observer_runs(sources: Sequence[SignalStream]) -> list[list[SignalStream]]:
     """Sources of one history, apart where one observer could not go on: an observer is a run.
 
-    Recordings are sent by a device of our own, one after another. A log goes on from that before it where its first
-    sample index lies beyond the other's last, as in files a recorder began anew; else the device was restarted.
+    A device of our own sends recordings one after another. A log goes on from that before it where its first sample
+    index lies beyond the other's last, as in files a recorder began anew.
     """
     runs: list[list[SignalStream]] = []
     for before, source in zip((None, *sources), sources, strict=False):

@@ -84,7 +84,7 @@ class HistorySamples:
         self._append(samples)
 
     def note(self, observer: Observer, position: int, index: Ints, nominal: Floats) -> None:
-        """Take what the observer made of samples, the first of them at a position of its stream.
+        """Take the observer's results for samples, the first at a position of its stream.
 
         index (n,): those they were sent with; nominal [m3/s] (n,): rate of the nominal model.
         """
@@ -221,10 +221,7 @@ class ObserverRun:
         self._is_energized, self._energized_from = False, 0  # index of the last command's first sample
 
     def observe(self, source: SignalStream, sink: Evaluation) -> None:
-        """Observe the frames of a log as they are, or a recording in frames of a measuring device.
-
-        Between stretches of a recording the sample index jumps.
-        """
+        """Observe the frames of a log, or a recording in frames, whose sample index jumps between stretches."""
         if isinstance(source, LoggedSignals):
             self._observe_log(source, sink)
         else:

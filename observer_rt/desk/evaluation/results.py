@@ -121,7 +121,6 @@ def _injection_json(result: InjectionResult, has_energizing: bool, c: Coefficien
 
 
 def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
-    """Energizing section of a recording as a whole; empty without this input."""
     if not evaluation.has_energizing:
         return {}
     delays = [result.commanded.opening_delay for result in evaluation.injections if result.commanded]
@@ -137,10 +136,7 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False) -> None:
-    """Print one recording: its origin, its last injections, and its faults.
-
-    is_fitted: whether the model was fitted to a healthy injector and was adequate.
-    """
+    """Print one recording: origin, last injections, faults. is_fitted: to a healthy injector, and adequate."""
     counters, count = evaluation.counters, len(evaluation.injections)
     not_valid = _not_valid(evaluation.injections)
     for reason, (problem, remedy) in _UNFIT.items():
@@ -210,7 +206,6 @@ def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficient
 
 
 def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]:
-    """Numbers of the injections that are not valid, by reason."""
     numbers: dict[Reason, list[int]] = {}
     for result in injections:
         if not result.valid:

@@ -34,8 +34,7 @@ _SETTINGS = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.worker.preload": ["observer_rt.desk.fleet.job"],
-    # what workers keep of memory they gave back: with the little that Dask leaves them, a chunk of samples after
-    # another is taken from the kernel anew, for a twelfth of all their time
+    # workers keep some memory, else each chunk is taken from the kernel anew, for a twelfth of their time
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 24,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 24,
 }
@@ -92,11 +91,7 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
 
 @contextmanager
 def dask_client(address: str | None, workers: int | None) -> Iterator[Any]:
-    """A `distributed.Client` of workers. address: of their scheduler; None: some are started here, one a CPU unless
-    stated.
-
-    Raises `RunError` for a scheduler that cannot be reached.
-    """
+    """A `distributed.Client` of a scheduler's workers, else of own ones. Raises `RunError` for no scheduler."""
     import dask
     from distributed import Client, LocalCluster
 
@@ -144,10 +139,7 @@ class EvaluatedFiles:
 def evaluate_all(
     client: Any, stop: threading.Event, task: Task, paths: Sequence[Path], dataset: Dataset, console: Console
 ) -> EvaluatedFiles:
-    """Rows of all files into the dataset. client: of `dask_client`; stop: set when the user wants no more.
-
-    Raises `InterruptionError` when it is interrupted.
-    """
+    """Rows of all files into the dataset; stop: set to end. Raises `InterruptionError` when it is interrupted."""
     remaining, jobs = iter(paths), _Jobs(client, task, dataset)
     counts = jobs.counts
     with progress_bar(console, "evaluating", len(paths)) as progress:

@@ -56,10 +56,7 @@ class PathPattern(NamedTuple):
 
 
 def recordings_in(sources: Sequence[str]) -> list[Path]:
-    """All files, each once, in order: of a folder those, at any depth, whose suffix is a recording's or a log's.
-
-    Tables of shots are left out, in a folder truths, too. Raises `UserError` for a name under which nothing is.
-    """
+    """Recordings and logs, each once, also deep in folders; no shots or truths. Raises `UserError` for a name of nothing."""
     paths: dict[Path, None] = {}
     for source in sources:
         files = [file for file in _files(source) if not file.name.endswith(SHOTS_SUFFIX)]
@@ -85,10 +82,7 @@ def _files(source: str) -> Iterator[Path]:
 
 
 def injector_of(path: Path, names: PathPattern | None, alone: Bench) -> str:
-    """Name of a recording's injector: by the recording's path, or without a pattern by the bench.
-
-    Raises `UserError` for a path without a match.
-    """
+    """Name of a recording's injector: by its path, else the bench. Raises `UserError` for a path without a match."""
     if names is not None:
         return names.text_in(path)
     return alone.injector.name or f"injector_{alone.injector.config.outputs.injector_id}"

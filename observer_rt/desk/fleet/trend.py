@@ -1,7 +1,4 @@
-"""The wear of injectors over dates: the last valid estimate of each recording, and what all of them say together.
-
-That is a weighted straight line, with the day on which it reaches a limit; as JSON, and as a table of the terminal.
-"""
+"""The wear of injectors over dates: a weighted line through last valid estimates, and when it reaches a limit."""
 
 import math
 import re
@@ -67,8 +64,8 @@ class WearLine(NamedTuple):
     def of(cls, days: Floats, value: Floats, half: Floats) -> Self:
         """Through values with 95 % intervals of these halves, all (n,), n >= `FEWEST`, at rising days.
 
-        What values scatter beyond their intervals is added to the variance of each, so that chi squared is its
-        degrees of freedom (Paule and Mandel, 1982).
+        Scatter beyond intervals adds to the variance of each, to make chi squared its degrees of freedom (Paule and
+        Mandel, 1982).
         """
         variance, freedom = np.maximum(half / _SIGMAS, _LEAST_SIGMA) ** 2, days.size - 2
 
@@ -132,10 +129,9 @@ class InjectorTrend(NamedTuple):
 
 
 def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTrend]:
-    """Trends of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
+    """Trends of every injector in the rows of a batch (columns `NEEDED`), the most worn first; dates: in the paths.
 
-    dates: in the files' paths. Raises `UserError` for recordings of one injector at the same time, as copied files
-    seem to be, or at an unknown one.
+    Raises `UserError` for recordings of an injector at an unknown time, or the same one, as copies seem to be.
     """
     table = rows.to_pandas()
     if dates is not None:

@@ -1,7 +1,4 @@
-"""`observer-rt monitor`: the page served until Ctrl-C, and a WebSocket for each browser that has it open.
-
-A browser gets updates as fast as it draws, and asks for older curves and for files.
-"""
+"""`observer-rt monitor`: the page served until Ctrl-C, and a WebSocket, as fast as it draws, for each browser."""
 
 import asyncio
 import gc
@@ -83,7 +80,7 @@ class Saver:
 
 
 def save_injection(shown: ShownInjection, folder: Path, name: str) -> Path:
-    """Write `injection_[NAME_]NUMBER[_AGAIN].csv`, a new file, and `.json` beside it. Returns the table's path.
+    """Write `injection_[NAME_]NUMBER[_AGAIN].csv`, a new file whose path is returned, and `.json` beside it.
 
     name: of the injector, empty for the only one. Raises `ObserverError` when they cannot be written.
     """
@@ -249,9 +246,9 @@ class _Channel(_GuardedHandler, WebSocketHandler):
 
 
 def serve_page(bench: Bench, address: str, port: int, folder: Path, console: Console) -> None:
-    """Read the daemons of a bench and serve their page until SIGINT or SIGTERM.
+    """Read the daemons of a bench and serve their page until SIGINT or SIGTERM; port 0 is one that is free.
 
-    port: 0: one that is free; folder: of `Save`. Raises `RunError` for a taken port.
+    folder: of `Save`. Raises `RunError` for a taken port.
     """
     watching, saver = Watching(bench), Saver(folder)
     handlers = [

@@ -1,14 +1,14 @@
 """The paper's scheme: three free rows phi = unit (W tanh(V z) + b), cost (10), gradient (13), its pair over an event.
 
-The pair is the identification system (5) and the observer (26). Algorithm 1 trains phi on one event: BFGS on the
-inverse Hessian with an Armijo line search (14)-(18).
+The pair is the identification system (5) and the observer (26). Algorithm 1 trains phi on one event: BFGS with an
+Armijo line search (14)-(18).
 
 Erratum: (5) is printed with a minus, which with y - C x~ is positive feedback. Here
 
     x~' = f(x~, u) + l C^T (y - C x~)        x^' = f(x^, u) + phi(x^, u)
 
-Erratum: (6) as printed uses x~' where Talebi's form has the derivative of the output error e = y - C x^, and so adds
-a pressure rate to a difference of model rates that it does not belong to. Exactly, and without a derivative,
+Erratum: (6) as printed uses x~', where Talebi has the derivative of e = y - C x^, and so adds a pressure rate to
+rates it does not belong to. Exactly, and without a derivative,
 
     eps = L (e~' + l e~ - C phi) ~ L l e~ - phi,    e~ = y - C x~,
 
@@ -47,8 +47,7 @@ GAMMA = 1.0  # of the first approximation of the Hessian; of its inverse alike
 class FreeNetwork(NamedTuple):
     """Weights of (7)-(8): `hidden` V (5, 6), `output` W (3, 5), `bias` b (3,); `unit` [1/s] of the outputs.
 
-    The paper prints numbers without its unit of time. Here it is 1/l, in which the gain of (5) is 1 as printed, so
-    `unit` is the identification gain l.
+    The paper states no unit of time. Here it is 1/l, in which the gain of (5) is 1 as printed: `unit` is l.
     """
 
     hidden: Floats
@@ -58,10 +57,7 @@ class FreeNetwork(NamedTuple):
 
 
 def free_network(p: Floats, unit: float) -> FreeNetwork:
-    """The network of a parameter vector p = [v_1 .. v_q, row 1 of W .. row m of W, b] (48,).
-
-    (12) orders W by columns while the gradient (13) orders it by rows; rows are used here.
-    """
+    """The network of p = [v_1 .. v_q, rows of W, b] (48,): by rows as (13), where (12) orders W by columns."""
     return FreeNetwork(
         p[:_HIDDEN_END].reshape(HIDDEN, ARGUMENTS),
         p[_HIDDEN_END:_OUTPUT_END].reshape(ROWS, HIDDEN),
@@ -71,11 +67,7 @@ def free_network(p: Floats, unit: float) -> FreeNetwork:
 
 
 def scaled_identity(beta: float) -> Floats:
-    """The start of Algorithm 1, V = W = b = beta I, as a vector p (48,).
-
-    None of the three is square: V and W get beta on their main diagonals and 0 elsewhere, so that hidden neuron i
-    sees argument z_i and output i sees neuron i; b gets beta in every row.
-    """
+    """The start of Algorithm 1, V = W = b = beta I, as a vector p (48,): beta on main diagonals, and in all of b."""
     return np.concatenate(
         [beta * np.eye(HIDDEN, ARGUMENTS).ravel(), beta * np.eye(ROWS, HIDDEN).ravel(), np.full(ROWS, beta)]
     )
@@ -87,9 +79,9 @@ def no_fault() -> Floats:
 
 
 class FaultCost:
-    """The cost (10) of a training as the minimiser wants it: the sum of eps'eps/2, eps = target - phi in its unit.
+    """The cost (10) of a training: the sum of eps'eps/2, eps = target - phi in its unit.
 
-    Sums go by lanes of eight samples: their order decides what thirty epochs come to.
+    Sums go by lanes of eight samples: their order decides the result of thirty epochs.
     """
 
     def __init__(self, z: Floats, target: Floats, unit: float) -> None:
@@ -130,7 +122,6 @@ class FaultCost:
 
 
 def _sums(values: Floats) -> Floats:
-    """Sum (m,) over the samples of each row (m, n)."""
     lanes = np.add.reduce(values.reshape(len(values), -1, LANES), axis=1)
     return np.asarray(np.cumsum(lanes, axis=1)[:, -1])
 
@@ -195,8 +186,7 @@ class SearchEnd(NamedTuple):
 def minimise(objective: Objective, start: Floats, inverse_hessian: Floats, max_iterations: int) -> SearchEnd:
     """Minimise from `start` (m,) with a first inverse Hessian (m, m).
 
-    The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
-    lead downhill.
+    The update is skipped unless d'v > 0, and the inverse is reset where its direction does not lead downhill.
     """
     theta, inverse = start.copy(), inverse_hessian.copy()
     value = objective.value(theta)

@@ -85,10 +85,9 @@ def true_fault(x: Floats, u: Floats, c: Coefficients, wear: float) -> Floats:
 
 
 def learning_window(truth: Truth, injection: InjectionWindow, c: Coefficients, rate: float) -> tuple[Window, int]:
-    """The event round one injection for the paper's pair, and the position of its first sample.
+    """The event round one injection for the paper's pair, and its first sample, at a rate [Hz].
 
     From 1 ms before the opening to the end of the event gap; y = x_1 without noise, the line at its true state.
-    rate: of samples [Hz].
     """
     first = injection.opening - round(LEARNING_LEAD * rate)
     last = injection.shut + round(Durations().event_gap * rate)
@@ -147,7 +146,7 @@ def _wear_case(bench: Bench, wear: float) -> WearCase:
 
 
 def _ours(bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow) -> EstimatorCurves:
-    """Curves of our observer for an injection of `seen`, after it has learned from another recording, or the same."""
+    """Our curves for an injection of `seen`, after learning from another recording, or the same."""
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span

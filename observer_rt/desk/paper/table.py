@@ -33,10 +33,7 @@ class EstimatorCurves(NamedTuple):
 
 
 class WearCase(NamedTuple):
-    """One injection of a nozzle worn by v_H: the truth and every estimate of it over the injection's window.
-
-    time [s] from the start of energizing.
-    """
+    """One injection of a nozzle worn by v_H: truth and estimates over its window; time [s] since energizing."""
 
     nozzle_wear: float
     time: Floats
@@ -79,7 +76,6 @@ def _ratio(value: float) -> str:
 
 
 def _printed(study: Study) -> pd.DataFrame:
-    """The table to print, a row for each v_H."""
     return pd.DataFrame(
         {
             "v_H": f"{case.nozzle_wear:+.1f}",

@@ -42,7 +42,7 @@ class Truth:
 
 
 class _Conditions(NamedTuple):
-    """The problem that is integrated, in the order of `run_injector`; rows of `strokes` are `NeedleStroke`."""
+    """Arguments of `run_injector`, in its order; rows of `strokes` are `NeedleStroke`."""
 
     time: Floats  # s
     rail: Floats  # p_0
@@ -56,8 +56,6 @@ class _Conditions(NamedTuple):
 
 
 class _Records(NamedTuple):
-    """Samples that `run_injector` fills, in its order."""
-
     states: Floats  # (n, 3), normalised
     lift: Floats  # m
     rate: Floats  # m3/s
@@ -72,11 +70,10 @@ def run_plant(
     progress: Progress | None = None,
     bounce: float = 0.0,
 ) -> Truth:
-    """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2.
+    """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2; bounce [m]: lift after landing.
 
-    `rail_pressure` [Pa], shape (n,), is linear between samples; the lift is exact at every stage of every
-    step. The steps are at most 1 us (2 us on a line of cells), an integer number per sample. bounce [m]: lift after
-    landing.
+    `rail_pressure` [Pa] (n,) is linear between samples; the lift is exact at every stage. Steps are an integer number
+    per sample, of at most 1 us (2 us on a line of cells).
     """
     longest_step, model = _longest_step(model)
     c = model.coefficients

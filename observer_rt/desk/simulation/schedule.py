@@ -1,8 +1,7 @@
 """Schedules of injections: events of shots, the rail pressure, and how the needle lifts upon energizing.
 
-It lifts late, at speeds that grow with rail pressure, in short shots ballistically. A stroke is piecewise linear: up
-at the opening speed, at the stop (if it gets there), down at the closing speed. Its corners are rounded by the mean
-over a window of `CORNER_ROUNDING`, in closed form.
+It lifts late, at speeds that grow with rail pressure, in short shots ballistically. A stroke is piecewise linear,
+with corners rounded by the mean over a window of `CORNER_ROUNDING`, in closed form.
 """
 
 import math
@@ -70,8 +69,7 @@ class Schedule:
     def rail_pressure(self, time: Floats) -> Floats:
         """Rail pressure [Pa] at `time` [s], shape (n,).
 
-        Constant during an event; a change takes the middle half of the gap to the next, smooth to the second
-        derivative so that it leaves the line at rest.
+        Constant in an event; it changes in the middle half of a gap, so smoothly that the line stays at rest.
         """
         pressure = np.full(time.shape, self.events[0].rail_pressure)
         for before, after in pairwise(self.events):
@@ -94,9 +92,8 @@ def make_schedule(
 ) -> Schedule:
     """Schedule of `injections` events, one every `period` [s]; event 1 starts 0.15 s in.
 
-    Event i (from 0) uses rail pressure [Pa] i mod n and energizing time [s] i mod m; with `shots` every event
-    has these and the energizing times are not used. Raises `UserError` when shots or events overlap or there
-    is nothing to inject.
+    Event i (from 0) has rail pressure [Pa] i mod n and energizing time [s] i mod m, or all have `shots`. Raises
+    `UserError` when shots or events overlap or there is nothing to inject.
     """
     if injections < 1:
         raise UserError(INJECTIONS_OPTION, f"{injections} is not a number of injections", "give 1 or more")
@@ -190,10 +187,7 @@ def stroke(shot: Shot, start: float, rail_pressure: float, parameters: InjectorP
 
 
 def energized(schedule: Schedule, time: Floats, jitter: float = 0.0, seed: int = 0) -> Floats:
-    """1 at times (n,) [s] at which the injector is energized, else 0.
-
-    jitter [s]: one sigma, by which each opening and closing of the needle answers later or earlier.
-    """
+    """1 at times (n,) [s] at which the injector is energized, else 0; jitter [s]: sigma of the needle's answers."""
     shots = [(event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots]
     starts, durations = np.array(shots, np.float64).reshape(-1, 2).T
     late: Floats = np.random.default_rng(seed).normal(0.0, jitter, (2, starts.size))
@@ -203,10 +197,7 @@ def energized(schedule: Schedule, time: Floats, jitter: float = 0.0, seed: int =
 
 
 def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[NeedleStroke, ...]:
-    """All needle strokes of a schedule, in order.
-
-    Raises `UserError` when a needle would have to open again before it has closed.
-    """
+    """All needle strokes of a schedule, in order. Raises `UserError` for a needle still open when it has to open."""
     placed = [
         (event, found)
         for event in schedule.events

@@ -1,7 +1,4 @@
-"""Recordings of a healthy or worn injector, as sensors and bus show it, with the truth behind them.
-
-Effects are named as on the command line.
-"""
+"""Recordings of a healthy or worn injector, as sensors and bus show it, with the truth behind them."""
 
 import math
 import re
@@ -84,10 +81,9 @@ def simulate(
 ) -> Simulation:
     """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
-    Without `noise` the recording has neither noise nor quantisation. measured_rate: whether it has the injection rate
-    [m3/s], too; seed: of the noise; progress: takes the share simulated; bounce: lift [m] after landing. The same
-    arguments give the same bits; every signal has its own random stream, which depends on no other.
-    Raises `UserError` for a sample rate out of range and strokes that overlap.
+    noise None: neither noise nor quantisation; measured_rate: has the rate [m3/s], too; progress: takes the share
+    done; bounce: lift [m] after landing. The same arguments give the same bits; every signal has its own random
+    stream. Raises `UserError` for a sample rate out of range and strokes that overlap.
     """
     model = effective_model(parameters, effects)
     if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
@@ -144,7 +140,7 @@ def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:
     """Effects from `id[:parameter]=value` in printed units, such as `channel_skew:d=10` or `=10us`; switches are ids.
 
     An effect with several parameters is given once for each. Raises `UserError` for an unknown id or parameter
-    (naming the nearest), another unit, a value that is no number or out of bounds, and a parameter given twice.
+    (naming the nearest), another unit, a value out of bounds, and a parameter given twice.
     """
     sizes: dict[str, dict[str, float]] = {}
     for text in texts:
@@ -176,7 +172,7 @@ def sizes_of(effect: SizedEffect) -> str:
 
 
 def _number(text: str, parameter: EffectParameter) -> float:
-    """The number, with the parameter's unit or without one; nan for no number."""
+    """A text with or without the unit; nan for no number."""
     number = re.match(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text.strip())
     if number is None:
         return math.nan

@@ -56,7 +56,7 @@ class PathPattern(NamedTuple):
 
 
 def recordings_in(sources: Sequence[str]) -> list[Path]:
-    """Recordings and logs, each once, also deep in folders; no shots or truths. Raises `UserError` for a name of nothing."""
+    """Recordings and logs, each once, also deep in folders; no shots or truths. Raises `UserError` without any."""
     paths: dict[Path, None] = {}
     for source in sources:
         files = [file for file in _files(source) if not file.name.endswith(SHOTS_SUFFIX)]

@@ -38,7 +38,6 @@ def bench_text(
 def sample_bench(
     folder: Path, messages: Mapping[str, str] = ONE_MESSAGE, extra: str = "", rate: float = SAMPLE_RATE
 ) -> Path:
-    """The same in a folder, on one bus."""
     return _written(folder, bench_text(messages, extra, rate=rate))
 
 
@@ -91,12 +90,10 @@ def twin_bench(folder: Path) -> Path:
 
 
 def bench_with(**keys: Mapping[str, float]) -> Bench:
-    """The example bench with further keys of its signals, such as delays and lags, by role."""
     return with_signals(load_bench().exact, keys)
 
 
 def with_signals(bench: Bench, keys: Mapping[str, Mapping[str, Any]]) -> Bench:
-    """A bench with other keys of its signals, by role."""
     signals = bench.injector.config.signals
     changed = {role: getattr(signals, role).model_copy(update=update) for role, update in keys.items()}
     return bench.with_sections(signals=signals.model_copy(update=changed))

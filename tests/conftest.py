@@ -56,16 +56,12 @@ def vcan() -> str:
 
 @pytest.fixture
 def own_interface(vcan: str) -> Iterator[OwnInterface]:
-    """Another SocketCAN interface than `vcan`, of this test's own."""
     with own_interfaces("vcan9") as (interface,):
         yield interface
 
 
 class SocketCounter:
-    """Notes which tests bind a SocketCAN socket to vcan0, whichever library does it for them.
-
-    The tests may run in several processes, the count is made in the one that gets all reports.
-    """
+    """Notes which tests bind a SocketCAN socket to vcan0, in several processes, counted where all reports come."""
 
     def __init__(self) -> None:
         self.tests: set[str] = set()

@@ -1,13 +1,8 @@
 """Where tests make frames: those a measuring device sends, what befalls them on the way, what a core makes of them.
 
-`Device` and `frames_of` make a recording into frames by the bench file; `encoded` makes one of any other message by
-plain cantools. Further functions alter frames as buses, wires and clocks do; frames are lost, repeated or swapped by
-slicing their list. `run` hands them to a core, and `Result` is what came back, read by plain cantools and
-autosar-e2e.
-
-Beside this, in `tests.daemon`: `participants` sends frames on a link or a bus, `pulses` and `slow_frames` are
-a pulse generator and a test bed, `foreign_frames` the devices of other databases, and `time_frames` devices that
-sample with clocks of their own.
+`Device` and `frames_of` encode a recording by the bench file, `encoded` any message by plain cantools; others alter
+frames, and `run` hands them to a core, whose `Result` is read by plain cantools and autosar-e2e. In `tests.daemon`:
+`participants` on buses, `pulses`, `slow_frames`, `foreign_frames`, and `time_frames` with clocks of their own.
 """
 
 import math
@@ -52,11 +47,7 @@ def simulated(
     seed: int = 8,
     measured_rate: bool = False,
 ) -> Recording:
-    """Injections every 50 ms, the first 0.15 s in, at rail pressures [Pa] in turn, with noise; rate [Hz].
-
-    v_h: by which the orifices are worn; measured_rate: whether their rate was measured, too. Three take 0.3 s,
-    15,000 samples.
-    """
+    """Injections every 50 ms, the first 0.15 s in, at rail pressures [Pa] in turn, with noise; three take 0.3 s."""
     schedule = make_schedule(list(pressures), injections, 0.05, [1.1e-3])
     effects = (sized("orifice_area", v_H=v_h),)
     return simulate(load_injector(), schedule, rate, effects, SimulatedNoise(), measured_rate, seed).recording
@@ -68,10 +59,7 @@ def worn_recording(injections: int = 4, v_h: float = 0.3) -> Recording:
 
 
 class Device:
-    """Sends recordings as the devices of a bench do: whole frames only, whose counters go on from call to call.
-
-    index: of the first sample of every recording; a test may change it.
-    """
+    """Sends recordings in whole frames, whose counters go on from call to call; index: of the first sample."""
 
     def __init__(self, bench: Path | Bench = EXAMPLE_BENCH, index: int = 0) -> None:
         self.index = index
@@ -122,14 +110,12 @@ def recoded(frame: TimedFrame, **codes: int) -> TimedFrame:
 
 
 def damaged(frame: TimedFrame, bit: int) -> TimedFrame:
-    """The frame with one bit flipped."""
     payload = bytearray(frame.payload)
     payload[bit // 8] ^= 1 << (bit % 8)
     return frame._replace(payload=bytes(payload))
 
 
 def later(frames: Iterable[TimedFrame], seconds: float) -> list[TimedFrame]:
-    """The frames so much later."""
     return [frame._replace(time=frame.time + seconds) for frame in frames]
 
 
@@ -198,12 +184,10 @@ class Result:
 
     @property
     def reports(self) -> list[InjectionReport]:
-        """Of the injections."""
         return self.notes.injections
 
     @property
     def commands(self) -> list[int | None]:
-        """Numbers of the injections' commands."""
         return [report.commanded.command if report.commanded else None for report in self.reports]
 
     @property
@@ -242,7 +226,6 @@ class Result:
 
     @cached_property
     def summaries(self) -> list[dict[str, float]]:
-        """`InjectionSummary` frames, decoded, their protection checked."""
         frames = [frame for frame in self.frames if frame.frame_id == SUMMARY.frame_id]
         assert all(e2e.p05.e2e_p05_check(f.payload, SUMMARY.frame_id, length=48) for f in frames)
         return [SUMMARY.decode(frame.payload, decode_choices=False) for frame in frames]

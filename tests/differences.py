@@ -15,6 +15,5 @@ def differences(function: Callable[[Array], Array | float], at: Array, step: flo
 
 
 def assert_columns_agree(actual: Array, expected: Array, share: float) -> None:
-    """Every column (n,) within a share of its largest entry."""
     error, largest = np.abs(actual - expected).max(axis=0), np.abs(expected).max(axis=0)
     assert (error <= share * largest).all(), np.flatnonzero(error > share * largest)

@@ -35,7 +35,7 @@ class OwnInterface:
     def slow_down(self, bytes_per_s: int, queue_bytes: int) -> None:
         """Let frames leave at this rate; a queue holds those that wait, and the kernel refuses more.
 
-        Listeners of this computer hear a frame when it is taken into the queue. A CAN FD frame counts FRAME_BYTES.
+        Listeners hear a frame here when it enters the queue. A CAN FD frame counts FRAME_BYTES.
         """
         shape = f"tbf rate {8 * bytes_per_s}bit burst {2 * FRAME_BYTES} limit {queue_bytes}"
         _run("tc", "qdisc", "replace", "dev", self.name, "root", *shape.split())
@@ -63,7 +63,6 @@ def own_interfaces(*names: str) -> Iterator[list[OwnInterface]]:
 
 
 def _run(*command: str) -> str:
-    """What it says; fails the test where it fails."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         pytest.fail(f"{' '.join(command)}: {done.stderr}; run as the superuser", pytrace=False)

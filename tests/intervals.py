@@ -5,10 +5,7 @@ from typing import NamedTuple
 
 
 class Interval(NamedTuple):
-    """Interval from one sample to the next; inputs u = [p_R, A_S] normalised by (24), linear in between.
-
-    With the time since the needle opened [s] behind them, or without.
-    """
+    """Interval from sample to sample; inputs u = [p_R, A_S] by (24), linear in between, maybe with the time [s]."""
 
     start: Sequence[float]  # u
     end: Sequence[float]

@@ -23,7 +23,6 @@ def keeping(bench: Bench, messages: list[str]) -> Iterator[EvidenceKeeper]:
 
 
 def observe(keeper: EvidenceKeeper, bench: Bench, recording: Recording) -> None:
-    """Have a fresh core see all of it."""
     core = core_of(bench, listeners=[keeper.hear])
     keeper.watch(core)
     hand(core, frames_of(bench, recording))

@@ -1,8 +1,7 @@
 """`python -m tests.mutations`: small faults planted one by one, and whether the mirrored tests notice.
 
-A fault is drawn from every room in turn: another comparison, sign, number, `and`, `min` or condition. The test file
-of the module's name runs first, then those that import it, then the folder that mirrors its room, without slow tests,
-within --seconds of processor. To be run in a clone: it writes into the sources, and puts them back.
+Faults of every room in turn. The test file of the module's name runs first, then those that import it, then the
+room's folder, without slow tests, within --seconds of processor. In a clone: it writes into the sources.
 """
 
 import random
@@ -65,10 +64,7 @@ def faults_of(path: Path) -> list[Fault]:
 
 
 def tests_of(path: Path) -> list[str]:
-    """The test file of this name, those that import the module, then the others of the folders that mirror the room.
-
-    Files: of a folder beside a file of its own, pytest runs all in the folder's order.
-    """
+    """The test file of this name, those that import the module, then the others of the room's folders."""
     room = path.relative_to(PACKAGE).parent
     folders = [Path("tests", folder) for folder in MIRRORS.get(str(room), (room,))]
     folders = [next(f for f in (folder, *folder.parents) if f.is_dir()) for folder in folders]
@@ -81,7 +77,6 @@ def tests_of(path: Path) -> list[str]:
 
 
 def drawn(seed: int, count: int) -> Iterator[Fault]:
-    """Faults of rooms in turn, each of a module of its own."""
     draw, rooms = random.Random(seed), dict[str, list[Path]]()
     for path in sorted(PACKAGE.rglob("*")):
         if path.suffix in {".py", ".pyx", ".pxi"} and path.read_text(encoding="utf-8").count("\n") >= LEAST:
@@ -125,7 +120,6 @@ def main(
     count: Annotated[int, typer.Option(help="of faults")] = 60,
     seconds: Annotated[int, typer.Option(help="of processor, for each fault")] = 60,
 ) -> None:
-    """Plant faults one by one and print what becomes of each."""
     verdicts = []
     for fault in drawn(seed, count):
         verdict, spent = verdict_on(fault, seconds)

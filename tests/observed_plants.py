@@ -33,7 +33,6 @@ class ObservedRun:
 
     @property
     def errors(self) -> NDArray[np.float64]:
-        """Of the masses, relative."""
         return np.array([report.mass for report in self.reports]) / self.true - 1.0
 
     @property

@@ -12,13 +12,11 @@ PRINT_BENCH = "observer-rt run --print-example-bench > bench.toml"
 
 
 def write_files(folder: Path) -> None:
-    """The injector of the page and its masses."""
     shutil.copy(ROOT / "docs/own-injector/plant.toml", folder)
     (folder / "masses.csv").write_text(PAGE.fenced("csv")[0])
 
 
 def change_bench(path: Path) -> None:
-    """What the page changes in the example bench file."""
     text = path.read_text(encoding="utf-8")
     for section, keys in tomllib.loads(PAGE.fenced("toml")[0]).items():
         for key, value in keys.items():

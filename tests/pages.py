@@ -13,8 +13,6 @@ _IN_CELL = re.compile(r"`(observer-rt \w+ [^`]*\.\w+[^`]*)`")
 
 
 class Page:
-    """A page by its path in the repository."""
-
     def __init__(self, path: str) -> None:
         self.path = path
         self.text = (ROOT / path).read_text(encoding="utf-8")
@@ -36,7 +34,6 @@ class Page:
         return shown[0].splitlines()
 
     def fenced(self, language: str) -> list[str]:
-        """Blocks of a language."""
         return [match["fenced"] for match in _BLOCK.finditer(self.text) if match["language"] == language]
 
     def indented(self) -> Iterator[str]:

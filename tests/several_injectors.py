@@ -13,7 +13,6 @@ NAMES = ("left", "right")
 
 
 def write_bench(folder: Path) -> None:
-    """The page's bench file, and the injector file it names."""
     (folder / "engine.toml").write_text(PAGE.fenced("toml")[0])
     (folder / "right.toml").write_text(NOMINAL_INJECTOR.read_text())
 

@@ -1,7 +1,4 @@
-"""A plugin of pytest: files with a slow test come first, so that no core waits for one that began last.
-
-For `tools/test`, which spreads files over the cores.
-"""
+"""A plugin of pytest, for `tools/test`: files with a slow test come first, so that no core waits for one."""
 
 import pytest
 

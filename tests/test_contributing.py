@@ -257,7 +257,6 @@ def test_a_reason_with_its_words_and_rule_reaches_page_and_databases(tmp_path: P
 
 
 def _keys(model: type[BaseModel]) -> Iterator[str]:
-    """Keys of a section and of those in it."""
     for key, field in model.model_fields.items():
         yield key
         inner: list[Any] = [field.annotation]

@@ -106,7 +106,6 @@ def frames_of_all(benches: Sequence[Path], recordings: Sequence[Recording]) -> l
 
 
 def lift_id(number: int) -> int:
-    """Identifier of the message with the needle lift of one of them."""
     return _LIFT + STEP * (number + 1)
 
 

@@ -35,7 +35,6 @@ BOTH = SHARED + "".join(
 
 
 def two_injectors(folder: Path, further: str = "") -> Path:
-    """The bench file; further: what it says besides."""
     path = folder / "two.toml"
     path.write_text(BOTH + further)
     return path

@@ -21,7 +21,6 @@ injection_rate = false
 
 
 def write_extended_bench(folder: Path) -> Path:
-    """The bench file, beside its database."""
     (folder / "user.dbc").write_text(DATABASE)
     roles = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
     signals = "".join(

@@ -37,7 +37,6 @@ def bench_file(folder: Path, text: str) -> Path:
 
 
 def injector_file(folder: Path, old: str, new: str) -> Path:
-    """The nominal injector with one line changed."""
     text = NOMINAL_INJECTOR.read_text()
     assert text.count(old) == 1, old
     path = folder / "injector.toml"
@@ -67,7 +66,6 @@ def test_smallest_bench_file_has_the_defaults(tmp_path: Path) -> None:
 
 
 def _keys(model: type[BaseModel]) -> dict[str, set[str]]:
-    """Keys of every section of a bench file."""
     sections: dict[str, set[str]] = {}
     for name, field in model.model_fields.items():
         inner = field.annotation

@@ -36,7 +36,6 @@ def with_keys(text: str, **keys: str) -> str:
 
 
 def sizes(effects: tuple[SizedEffect, ...]) -> dict[str, float]:
-    """In microseconds."""
     return {each.effect.id: round(1e6 * each.values[0], 9) for each in effects}
 
 

@@ -29,7 +29,6 @@ SWITCH = '\n[[effects]]\nid = "seat_outflow"\n'
 
 
 def injector_file(folder: Path, end: str) -> Path:
-    """The nominal injector with these lines at its end."""
     path = folder / "injector.toml"
     path.write_text(NOMINAL_INJECTOR.read_text() + end)
     return path
@@ -51,7 +50,6 @@ def test_effects_are_read_and_in_force(tmp_path: Path) -> None:
 
 
 def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
-    """The commented-out example works without its comment signs."""
     head, example = NOMINAL_INJECTOR.read_text().split("# [[effects]]")
     lines = [line.removeprefix("# ") for line in example.splitlines()]
     path = tmp_path / "injector.toml"

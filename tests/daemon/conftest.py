@@ -25,6 +25,5 @@ def frames(bench: Path) -> list[TimedFrame]:
 
 @pytest.fixture
 def interfaces(vcan: str) -> Iterator[list[OwnInterface]]:
-    """Further SocketCAN interfaces of this test's own, beside vcan0."""
     with own_interfaces(*FURTHER) as made:
         yield made

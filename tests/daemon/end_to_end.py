@@ -51,7 +51,6 @@ def write_bench(folder: Path, interface: str, channel: str, rate_hz: float) -> P
 
 
 def command(*arguments: str | Path) -> list[str]:
-    """`observer-rt` with these arguments, in this interpreter."""
     return [sys.executable, "-m", "observer_rt", *map(str, arguments)]
 
 
@@ -65,16 +64,13 @@ class ResultFrames:
 
     @property
     def results(self) -> tuple[list[bytes], list[bytes]]:
-        """Rates and summaries, as of `results_of`."""
         return self.rates, self.summaries
 
     def last_status(self) -> dict[str, float]:
-        """The last status frame, decoded."""
         return decoded(STATUS, self.statuses[-1])
 
 
 def payloads(frames: Iterable[OutputFrame] | Iterable[Frame], message: Message) -> list[bytes]:
-    """What frames of a message carry."""
     return [frame.payload for frame in frames if frame.frame_id == message.frame_id]
 
 
@@ -84,7 +80,6 @@ def results_of(frames: Sequence[OutputFrame]) -> tuple[list[bytes], list[bytes]]
 
 
 def decoded(message: Message, payload: bytes) -> dict[str, float]:
-    """Signals as numbers, by cantools."""
     values = message.decode(payload, decode_choices=False, scaling=True)
     assert isinstance(values, dict)
     return {name: float(value) for name, value in values.items()}
@@ -130,7 +125,6 @@ class Listener:
                 self.payloads[message.arbitration_id].append(bytes(message.data))
 
     def stop(self) -> ResultFrames:
-        """What was heard."""
         time.sleep(0.3)
         self._stop.set()
         self._thread.join()

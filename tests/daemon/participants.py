@@ -68,7 +68,6 @@ class ScriptedLink(FakeLink):
         return None
 
     def statuses(self) -> list[dict[str, float]]:
-        """Status frames sent so far, decoded by cantools."""
         return [decoded(STATUS, f.payload) for f in self.sent if f.frame_id == STATUS.frame_id]
 
 
@@ -125,11 +124,9 @@ class HeardDaemon(Daemon):
         self.messages = self.notes.messages
 
     def drawn(self, width: int = 80, height: int = 24) -> str:
-        """Its view on a terminal of this size."""
         return "\n".join(drawn(self.view, width, height))
 
     def now(self) -> tuple[State, Reason]:
-        """State and reason."""
         return self.state(time.monotonic_ns())
 
 
@@ -153,7 +150,6 @@ class PumpRun:
         return handed
 
     def ends(self) -> bool:
-        """Whether it comes to its end while nobody attends to it."""
         ending = threading.Thread(target=self.pump.finish, daemon=True)
         ending.start()
         ending.join(PATIENCE)
@@ -215,7 +211,6 @@ def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:
 
 @contextmanager
 def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
-    """A link to each bus of a bench, for the daemon or for the measuring devices."""
     bench = load_bench(path)
     bus = map_bus(bench)
     with ExitStack() as stack:

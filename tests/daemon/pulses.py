@@ -124,7 +124,6 @@ def samples(recording: Recording, *spans: tuple[float, float], index: int = 0) -
 
 
 def index_at(time: float, offset: int = 0) -> int:
-    """Index of the first sample at or after a time [s]."""
     return (round(time * SAMPLE_RATE) + offset) % INDICES
 
 
@@ -144,7 +143,6 @@ def on_change(pulses: Pulses, offset: int = 0) -> list[TimedFrame]:
 
 
 def duration_frame(duration: float, time: float, index: int) -> TimedFrame:
-    """`PulseTime`, sent at a time [s]."""
     values = {"Duration": duration / 1e-6, "PulseIndex": index}
     return encoded(BED.get_message_by_name("PulseTime"), values, time)
 
@@ -174,7 +172,6 @@ def cyclic(pulses: Pulses, end: float, phase: float = 0.0004) -> list[TimedFrame
 
 
 def blocks(pulses: Pulses, begin: float, end: float) -> list[TimedFrame]:
-    """`PulseBlock`: levels of all samples, each block with its last one."""
     message = BED.get_message_by_name("PulseBlock")
     sent = []
     for first in range(round(begin * SAMPLE_RATE), round(end * SAMPLE_RATE) - LEVELS + 1, LEVELS):

@@ -37,15 +37,12 @@ def rates_of(result: Result) -> dict[int, float]:
 
 
 def in_blocks(folder: Path, rate: float, data: Recording) -> Result:
-    """A recording through our own FD layout."""
     path = sample_bench(folder / "blocks", rate=rate)
     return run(path, Device(path).send(data))
 
 
 @pytest.fixture(scope="module")
 def in_our_layout(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float], Result]:
-    """The recording at a rate through our own blocks."""
-
     return cache(lambda rate: in_blocks(tmp_path_factory.mktemp("own"), rate, simulated(rate=rate)))
 
 
@@ -113,7 +110,6 @@ def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
 
 
 def _pages(frames: Sequence[OutputFrame] | Sequence[Frame], name: str) -> list[dict[str, float]]:
-    """Summaries or statuses put together from their frames, protection checked."""
     message = cantools.database.load_file(PACKAGE_DATA / "observer_classic.dbc").get_message_by_name(name)
     pages = [frame for frame in frames if frame.frame_id == message.frame_id]
     whole_messages: list[dict[str, float]] = []
@@ -174,10 +170,9 @@ def classic_layout(folder: Path, rate: float) -> Path:
 
 
 def test_our_classic_layout(tmp_path: Path) -> None:
-    """Without an index: frames are counted by the counter of their protection and when they come.
+    """Without an index frames are counted by counter and time: nothing is valid until that clock is trusted.
 
-    Until that clock is trusted nothing is valid and nothing is learned; then the estimate is that of our FD layout to
-    1 %, a quarter of its interval: the clock moves by microseconds.
+    Then the estimate is that of our FD layout to 1 %, a quarter of its interval: the clock moves by microseconds.
     """
     schedule = make_schedule([100e6], 10, 0.2, [1.1e-3])
     effects = (sized("orifice_area", v_H=0.2),)

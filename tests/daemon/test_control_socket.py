@@ -22,7 +22,6 @@ def refuse(_: Message) -> Message:
 
 @pytest.fixture
 def said() -> list[str]:
-    """Warnings of the socket."""
     return []
 
 
@@ -114,7 +113,6 @@ input()
 
 @pytest.fixture
 def open_to_others(kept: Path) -> None:
-    """Other users reach the socket."""
     if os.geteuid() != 0:
         pytest.skip("only the administrator can be another user")
     for folder in (kept.parent, *kept.parents):

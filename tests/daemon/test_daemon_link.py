@@ -51,8 +51,6 @@ def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFr
 
 def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
     class LooseLink(TroubledLink):
-        """Can be connected, and fails at once."""
-
         def reconnect(self) -> None:
             pass
 
@@ -147,7 +145,6 @@ def four(tmp_path: Path) -> Path:
 
 
 def on_links(path: Path) -> tuple[HeardDaemon, list[TroubledLink]]:
-    """A daemon and its links."""
     links = [TroubledLink() for _ in range(4)]
     return HeardDaemon(path, *links), links
 

@@ -30,7 +30,6 @@ def device_frames(bench: Path) -> list[TimedFrame]:
 
 
 def published(bench: Path) -> list[bytes]:
-    """All rates that the frames of `device_frames` cause."""
     return payloads(evaluate(load_bench(bench), [worn_recording(2)]).frames, RATE)
 
 

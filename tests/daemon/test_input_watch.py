@@ -36,10 +36,7 @@ class WatchedInputs:
         self.frames = frames_of(bench, self.recording)
 
     def tells(self, frames: Sequence[TimedFrame], silence: float = 0.0) -> list[str]:
-        """What the watch says of frames, by their times, and of so many seconds [s] without any after them.
-
-        It looks while no frame comes, too.
-        """
+        """What the watch says of frames, by their times, and of a silence [s] after them, in which it looks, too."""
         loaded = load_bench(self.bench)
         bus = map_bus(loaded)
         core = Core(loaded.injector, bus, learning=False)
@@ -61,7 +58,6 @@ class WatchedInputs:
         return [notice.text for notice in notices]
 
     def tells_of(self, role: str, law: Callable[[Values], Values]) -> list[str]:
-        """What it says of another signal."""
         spoilt = replace(self.recording, **{role: law(getattr(self.recording, role))})  # type: ignore[arg-type]
         return self.tells(frames_of(self.bench, spoilt))
 

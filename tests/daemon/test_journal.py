@@ -53,7 +53,6 @@ def numbers(path: Path) -> list[int]:
 
 
 def write(journal: JournalWriter, *numbers: int) -> None:
-    """Injections of these numbers."""
     for number in numbers:
         journal(some_report(number))
     journal.write()

@@ -45,7 +45,6 @@ class Kept:
             yield keeper
 
     def learn(self, events: int) -> None:
-        """From so many by now, and wait until that is saved."""
         self.knowledge = some_knowledge(events, events=events)
         until(lambda: self.events() == events)
 

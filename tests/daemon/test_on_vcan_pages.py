@@ -1,8 +1,4 @@
-"""README and docs on a real SocketCAN interface: every command that needs a bus, as it stands, by the shell.
-
-can0 is a virtual interface here; the recordings are simulated by the shipped files. The commands that need no bus are
-run by tests/desk/cli/test_pages.py.
-"""
+"""README and docs: every command that needs a bus, as it stands, by the shell; can0 is a virtual interface here."""
 
 import json
 import os
@@ -54,7 +50,6 @@ class Shell:
         self._environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
 
     def do(self, command: str) -> None:
-        """Run a command to its end."""
         shell = ["bash", "-c", command]
         done = subprocess.run(
             shell, cwd=self.folder, env=self._environment, capture_output=True, text=True, check=False
@@ -90,7 +85,6 @@ class Shell:
 
 
 def only(commands: list[str], pattern: str) -> str:
-    """The one command that looks like this."""
     (command,) = (each for each in commands if re.search(pattern, each))
     return command
 

@@ -72,8 +72,6 @@ def test_the_daemon_stays_and_goes_on(
 
 
 class Run:
-    """A daemon process and its lines so far."""
-
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self.process = process
         self.lines: list[str] = []
@@ -81,7 +79,6 @@ class Run:
         self._reader.start()
 
     def until_told(self, text: str) -> str:
-        """The first line with a text, waited for."""
         end = time.monotonic() + START_TIMEOUT
         while True:
             for line in self.lines:

@@ -46,7 +46,6 @@ class FarEnd:
                 self.read()
 
     def has_room(self) -> bool:
-        """Whether a frame can be sent now."""
         return bool(select.select([], [self._end], [], 0.0)[1])
 
     def close(self) -> None:
@@ -73,7 +72,6 @@ def paired(bus: BusMap, room: int | None = None) -> Iterator[tuple[FarEnd, Descr
 
 @contextmanager
 def connected(path: Path) -> Iterator[tuple[FarEnd, Daemon]]:
-    """A device, and a daemon that serves it."""
     bench = load_bench(path)
     bus = map_bus(bench)
     with paired(bus) as (device, link):

@@ -75,7 +75,6 @@ class FedLink(ScriptedLink):
 
 
 def marks(payloads: list[bytes]) -> set[tuple[int, int]]:
-    """(Valid, State) of rates."""
     return {(int(s["Valid"]), int(s["State"])) for s in (decoded(RATE, payload) for payload in payloads)}
 
 

@@ -55,7 +55,6 @@ class StateFile:
         self.path = folder / "state.json"
 
     def save(self, knowledge: Knowledge | None = None) -> Knowledge:
-        """The saved knowledge, by default `some_knowledge`."""
         knowledge = knowledge or some_knowledge()
         save_knowledge(self.path, knowledge, MODEL)
         return knowledge
@@ -64,7 +63,6 @@ class StateFile:
         return load_knowledge(self.path, MODEL)
 
     def holds(self, knowledge: Knowledge) -> bool:
-        """Whether it is restored."""
         restored = self.load().knowledge
         return restored is not None and agree(to_plain(restored), to_plain(knowledge))
 
@@ -125,7 +123,6 @@ def test_a_damaged_file_is_restored_equal_or_set_aside(state: StateFile, data: s
 
 
 def put(*keys: str | int, value: Any) -> Change:
-    """In the content."""
     return lambda document: setitem(reduce(getitem, keys[:-1], document["content"]), keys[-1], value)
 
 

@@ -69,10 +69,7 @@ ROLE_OF = {"Rail": "rail_pressure", "Lift": "needle_lift", "Line": "line_pressur
 
 @cache
 def plant(wear: float = 0.0) -> tuple[EffectiveModel, Truth]:
-    """An injector whose rail pressure dips with every injection, without noise, at PLANT_RATE.
-
-    wear: v_H of its orifices.
-    """
+    """An injector whose rail dips with every injection, without noise, at PLANT_RATE; wear: v_H of its orifices."""
     parameters = load_injector()
     model = effective_model(parameters, [sized("orifice_area", v_H=wear)] if wear else ())
     schedule = make_schedule([100e6], INJECTIONS, PERIOD, [1.1e-3])
@@ -180,7 +177,6 @@ def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END, wea
 
 
 def merged(*streams: Sequence[StampedFrame]) -> list[StampedFrame]:
-    """Frames of several messages in the order they come."""
     return sorted((frame for stream in streams for frame in stream), key=lambda frame: frame.stamp_ns)
 
 
@@ -194,7 +190,7 @@ def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path
 class EstimatedInjection:
     """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rates, if valid of valid ones.
 
-    is_valid: so was what was reported of it, and no sample is doubted, but may be one not known sharply yet.
+    is_valid: so was its report, and no sample is doubted, but may be one not known sharply yet.
     """
 
     number: int
@@ -221,12 +217,10 @@ class Outcome:
 
     @property
     def error(self) -> NDArray[np.float64]:
-        """Estimated less true rate [m3/s] at every sample."""
         true = np.interp(self.times, self.truth.time, self.truth.injection_rate)
         return np.asarray(self.rows["injection_rate"] - true)
 
     def states(self, start: float, end: float) -> set[tuple[State, Reason]]:
-        """States shown of samples taken in [start, end)."""
         part = self.rows[(self.times >= start) & (self.times < end)]
         return {(State(int(row["state"])), Reason(int(row["reason"]))) for row in part}
 

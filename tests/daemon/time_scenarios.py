@@ -58,9 +58,8 @@ CONTRADICTED = (State.DEGRADED, Reason.CONTRADICTED)
 class Scenario:
     """The frames, and the last state the service shows of them.
 
-    shown: states between the disturbance and the end; restart [s]: when the line's index began anew; wear: v_H of the
-    injector, which the service learns of; volume_error, rmse [m3/s]: what no valid injection may be wrong by;
-    sample_error [m3/s]: no valid sample.
+    shown: states between the disturbance and the end; restart [s]: of the line's index; wear: v_H, to be learned;
+    volume_error, rmse, sample_error [m3/s]: limits for valid injections and samples.
     """
 
     name: str
@@ -78,7 +77,6 @@ class Scenario:
 
 
 def lift_alone(rate: float, drift: float) -> list[StampedFrame]:
-    """Lift of one device, both pressures of another."""
     pressures = send("RailLine", Clock(rate), wear=WORN)
     return merged(pressures, send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN))
 
@@ -120,19 +118,16 @@ def overtaken(frames: Sequence[StampedFrame], after: float) -> list[StampedFrame
 
 
 def restarted(name: str, clock: Clock) -> list[StampedFrame]:
-    """The device is off for 30 ms and begins its count anew."""
     return [*send(name, clock, end=RESTARTED - 0.03), *send(name, replace(clock, phase=RESTARTED), end=LATER)]
 
 
 def asleep(frames: Sequence[StampedFrame]) -> list[StampedFrame]:
-    """The receiver stamps all frames of 80 ms at their end."""
     wake = frames[0].stamp_ns + round((DISTURBED + 0.08) * 1e9)
     begin = frames[0].stamp_ns + round(DISTURBED * 1e9)
     return [replace(f, stamp_ns=wake) if begin < f.stamp_ns < wake else f for f in frames]
 
 
 def clock_set(frames: Sequence[StampedFrame], step_ns: int) -> list[StampedFrame]:
-    """The receiver's clock is set anew."""
     return [replace(f, stamp_ns=f.stamp_ns + step_ns) if f.taken > DISTURBED else f for f in frames]
 
 
@@ -222,7 +217,6 @@ SCENARIOS = (
 
 
 def run(scenario: Scenario, folder: Path) -> time_frames.Outcome:
-    """The scenario through a core of its own."""
     bench = time_frames.write_time_bench(folder, scenario.rate, scenario.signals)
     grid = Clock(scenario.rate, 0.0, -150e-6 if "-150" in scenario.name else 0.0)
     learning = scenario.wear != 0.0

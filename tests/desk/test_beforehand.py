@@ -23,7 +23,6 @@ RIGHT = 0.0055  # of a mass
 
 
 def bench_at(folder: Path, lift: str = "") -> Bench:
-    """The example's bench with evidence, and keys of its needle lift."""
     text = EXAMPLE_BENCH.read_text().replace('# folder = "evidence"', 'folder = "evidence"')
     text = text.replace("[signals.needle_lift]", f"[signals.needle_lift]\n{lift}")
     (folder / "bench.toml").write_text(text)
@@ -31,7 +30,6 @@ def bench_at(folder: Path, lift: str = "") -> Bench:
 
 
 def with_gain(folder: Path, g: float = 0.02) -> Path:
-    """The injector file with a gain of the rail pressure's sensor in force."""
     return amended(folder / "amended.toml", GAIN.effect.id, "g", g)
 
 
@@ -45,7 +43,6 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def bench(kept: Path, tmp_path: Path) -> Bench:
-    """Of a copy of it."""
     shutil.copytree(kept, tmp_path, dirs_exist_ok=True)
     return load_bench(tmp_path / "bench.toml")
 

@@ -46,12 +46,10 @@ def locked(kept: Path, process: int) -> Iterator[None]:
 
 
 def amended(folder: Path, v_h: float) -> Path:
-    """An injector file with a worn nozzle in force."""
     return worn_file(folder / f"worn_{v_h}.toml", v_h)
 
 
 def worn(bench: Path, injector: str | None = None) -> float:
-    """Wear of the nozzle in force."""
     effects = load_bench(bench).of(injector).injector.parameters.effects
     return effects[0].parameters["v_H"].value if effects else 0.0
 

@@ -27,8 +27,7 @@ SMOOTH = np.delete(np.arange(PARAMETERS), Parameter.LIFT_DELAY)  # the lift has 
 
 
 def changes_of_flows(x: tuple[float, ...], u: tuple[float, ...], network: Network) -> tuple[float, float]:
-    """N_H and N_S of (7): relative changes of both flows at a state; u = [p_R A_S], or with the time [s] since the
-    needle opened."""
+    """N_H and N_S of (7): relative changes of both flows; u = [p_R A_S], or with the time since opening [s]."""
     c = coefficients(load_injector())
     learned, healthy = (slopes_of_flows(x, u, c, each) for each in (network, constant_network()))
     return learned["q_h"] / healthy["q_h"] - 1.0, learned["q_s"] / healthy["q_s"] - 1.0
@@ -133,7 +132,6 @@ def recorded_late(window: predictor.Window, samples: float) -> predictor.Window:
 
 
 def with_time(inputs: Array, interval: float) -> list[list[float]]:
-    """Inputs (n, 2) with the time since the needle opened [s]."""
     opened = np.arange(len(inputs)) - np.argmax(inputs[:, 1] > 0.0) + 1.0
     listed: list[list[float]] = np.column_stack((inputs, np.maximum(opened, 0.0) * interval)).tolist()
     return listed
@@ -174,7 +172,6 @@ def settled_line(c: Coefficients, rail: float) -> Array:
 
 
 def innovations_at(case: Case, window: predictor.Window, theta: Array) -> Array:
-    """Innovations (n,) of a window for theta."""
     result = np.empty(window.output.size)
     predictor.innovations(window, case.setting, learned_of(theta, case.c), result)
     return result

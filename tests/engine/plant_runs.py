@@ -28,21 +28,18 @@ DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
 
 
 def indicator(run: ObservedRun, effect: str) -> Estimate:
-    """An indicator after the last event, SI."""
     estimate = run.reports[-1].indicators[effect]
     si = next(shown.si(coefficients(load_injector())) for _, shown in SCALARS.shown() if shown.effect == effect)
     return Estimate(estimate.value * si, None if estimate.sigma is None else estimate.sigma * si)
 
 
 def in_force(effect: SizedEffect) -> EffectInForce:
-    """An effect as an injector file names it."""
     sizes = zip(effect.effect.parameters, effect.values, strict=True)
     printed = {p.name: EffectValue(value=value / p.si, unit=p.unit) for p, value in sizes}
     return EffectInForce(id=effect.effect.id, parameters=printed)
 
 
 def with_effects(injector: InjectorParameters, *effects: SizedEffect) -> InjectorParameters:
-    """The injector with effects in force."""
     return injector.model_copy(update={"effects": tuple(map(in_force, effects))})
 
 

@@ -53,7 +53,6 @@ def _push_all(
 
 
 def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
-    """Judge the oldest closed event now."""
     number = int(observer.memory[0]["judgement"]["events_taken"])
     if outcome is None:
         post_examined(observer, number, objections)
@@ -64,7 +63,7 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
 
 @dataclass
 class Stream:
-    """One observer; `rows` are the processed samples, `judged` the indices before which an event was judged.
+    """One observer; `rows`: processed samples; `judged`: indices before which an event was judged.
 
     stated: delays and lags of the channels, to be undone; lift: the zero of the shut needle from before.
     """
@@ -106,8 +105,7 @@ class Stream:
     ) -> "Stream":
         """Samples [Pa, m, Pa] from `index` on (default: where the last ones ended).
 
-        lift_after: share of an interval by which the lift was taken later than the rest; rail_share: of the later
-        one of the two neighbours between which the rail pressure lies.
+        lift_after: share of an interval by which the lift is later; rail_share: of the rail's later neighbour.
         """
         first = self._next_index if index is None else index
         if not self._begun:
@@ -132,31 +130,26 @@ class Stream:
         return self.feed(pressure, lift, pressure, **where)  # type: ignore[arg-type]
 
     def finish(self) -> "Stream":
-        """No sample will come."""
         self.observer.memory["mode"]["draining"] = True
         self._advance()
         return self
 
     @property
     def rows(self) -> NDArray[np.void]:
-        """Processed samples, dtype of the ring."""
         return np.concatenate(self._kept) if self._kept else np.zeros(0, sample_dtype(3))
 
     @property
     def injections(self) -> NDArray[np.void]:
-        """Injections begun, in order."""
         begun = int(self.observer.memory[0]["counts"]["injections_begun"])
         assert begun <= INJECTIONS
         records: NDArray[np.void] = self.observer.injections[:begun]
         return records
 
     def count(self, owner: str, name: str) -> int:
-        """A counter of the observer's memory."""
         return int(self.observer.memory[0][owner][name])
 
     @property
     def standstill(self) -> Standstill:
-        """Statistics so far."""
         return standstill_of(self.observer.memory[0], self.observer.constants.coefficients.pressure_scale)
 
     def _advance(self) -> None:
@@ -198,7 +191,6 @@ def lift_with(length: int, strokes: Mapping[int, Array | int]) -> Array:
 
 
 def opened(starts: Iterable[int], length: int, open_for: int = 110) -> Array:
-    """Lift [m] of `length` samples, with openings."""
     return lift_with(length, dict.fromkeys(starts, open_for))
 
 
@@ -227,17 +219,13 @@ def true_course(injections: int, period: float, durations: tuple[float, ...], *e
 
 
 def period_means(signal: Array, every: int) -> Array:
-    """Of a signal (n,) over the periods that end at every so-many-th sample."""
     between = 0.5 * (signal[1:] + signal[:-1])
     complete = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
     return np.append(signal[:1], complete)
 
 
 def beside_rest(lift: Array, fall: float = 0.0, since: int = 0, innovation_weight: float = 0.0) -> Stream:
-    """What comes of a lift [m] beside pressures at rest with their noise; the line's falls [Pa] at a sample.
-
-    innovation_weight: 1/sigma^2; 0: nothing contradicts the model.
-    """
+    """Results of a lift [m] beside pressures at rest; fall [Pa]: of the line; innovation_weight: 1/sigma^2."""
     random = np.random.default_rng(9)
     rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
     line = RAIL + random.normal(0.0, NOISE.line_pressure, lift.size)

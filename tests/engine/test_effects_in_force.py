@@ -1,5 +1,4 @@
-"""With the true effect in its injector file the observer is right from the first injection, on a plant that shares
-no code with it, and has nothing left to learn."""
+"""With the true effect in its file the observer is right from the first injection, on a plant of other code."""
 
 import numpy as np
 import pytest
@@ -90,7 +89,6 @@ def test_without_it_the_first_injection_is_wrong(name: str) -> None:
 
 
 def lookahead(*effects: SizedEffect) -> int:
-    """Samples of look-ahead at 100 kHz with effects in force."""
     return constants_for(with_effects(NOMINAL, *effects), 100e3, Durations(), events_required=2).timing.lookahead
 
 

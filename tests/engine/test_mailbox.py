@@ -10,7 +10,6 @@ from tests.engine.sample_stream import Stream, at_rest, opened
 
 
 def closed_event(start: int = 5000) -> Stream:
-    """One event from a sample on, behind noise at rest, and before some."""
     samples = start + 3000
     rail, lift, line = at_rest(np.random.default_rng(5), samples)
     return Stream().feed(rail, np.maximum(lift, opened([start], samples)), line).finish()

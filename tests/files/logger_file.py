@@ -1,8 +1,4 @@
-"""MF4 files of CAN loggers, byte by byte.
-
-As left on the card: unsorted, not finalised, with data of variable length; or finalised, with constants as virtual
-channels.
-"""
+"""MF4 files of CAN loggers, byte by byte: as left on the card, or finalised, with constants as virtual channels."""
 
 import struct
 from dataclasses import dataclass
@@ -29,13 +25,10 @@ class Field:
 
 
 class _File:
-    """The bytes of a file, block after block."""
-
     def __init__(self, identification: bytes) -> None:
         self.data = bytearray(identification)
 
     def block(self, kind: str, links: list[int], content: bytes) -> int:
-        """Append a block; returns where."""
         self.data += bytes(-len(self.data) % 8)
         position = len(self.data)
         size = 24 + 8 * len(links) + len(content)
@@ -43,7 +36,6 @@ class _File:
         return position
 
     def link(self, block: int, number: int, target: int) -> None:
-        """Have a block lead to another."""
         struct.pack_into("<Q", self.data, block + 24 + 8 * number, target)
 
     def text(self, text: str) -> int:
@@ -55,7 +47,6 @@ class _File:
     def channel(
         self, name: str, kind: int, data_type: int, bits: int, position: int, conversion: int = 0, data: int = 0
     ) -> int:
-        """A channel at a place [bits] of the record."""
         sync = 1 if kind == MASTER else 0
         content = struct.pack(
             "<BBBBIIIIBxH6d", kind, sync, data_type, position % 8, position // 8, bits, 0, 0, 0, 0, *[0.0] * 6
@@ -85,8 +76,8 @@ def write_logger_file(
 ) -> None:
     """Write frames as a logger does: one group of data frames, one of error frames, one of data (VLSD).
 
-    fields: without the data bytes; a virtual one has the value of its offset in every frame. data_width: bytes a
-    record has for them; None: they are of variable length, in records of their own. id_size: bytes of a record's id.
+    fields: without data bytes; a virtual one has the value of its offset. data_width: bytes a record has for data,
+    None: variable, in records of their own; id_size: bytes of a record's id.
     """
     flags = 0 if finalised else UPDATE_CYCLES | UPDATE_LAST_LENGTH | UPDATE_VARIABLE_BYTES * (data_width is None)
     mark = b"MDF     " if finalised else b"UnFinMF "

@@ -27,7 +27,6 @@ def event(kind: EvidenceKind, number: int, pressure: float = 100e6, model: str =
 
 
 def numbers(folder: Path) -> list[int]:
-    """Numbers of the events that are there."""
     return sorted(read_evidence(path).belief["injections"][0]["number"] for path in folder.glob("*.parquet"))
 
 

@@ -18,7 +18,6 @@ OURS = simulated(3, 0.2, (60e6, 120e6), seed=5)
 
 
 def read(made: Any) -> Recording:
-    """A file or a table."""
     return read_recording(made) if isinstance(made, Path) else signals_of(made).collected()
 
 

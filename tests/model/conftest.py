@@ -42,19 +42,16 @@ def integrate(
 
 
 def with_line(injector: InjectorParameters, **line: Any) -> InjectorParameters:
-    """The injector on another line."""
     return injector.model_copy(update={"line": injector.line.model_copy(update=line)})
 
 
 def at_rest(c: Coefficients, pressure: float = 0.95) -> Array:
-    """State of a line behind a shut needle."""
     x = np.zeros(c.states)
     rest_state(x, pressure, c)
     return x
 
 
 def filled(injector: InjectorParameters, fuel: str | None) -> InjectorParameters:
-    """The injector with another fuel."""
     return injector.model_copy(update={"fluid": Fluid(**read_toml(FUELS)[fuel])}) if fuel else injector
 
 

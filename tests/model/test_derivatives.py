@@ -1,5 +1,4 @@
-"""The derivatives beside the laws against differences of the laws, over the whole domain: shut to beyond full lift,
-reversed flow, pressures next to equal, cavitation, a chamber pressure that rises, air and fuel that stiffens."""
+"""The derivatives beside the laws against differences of the laws, over the whole domain."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -56,7 +55,6 @@ INPUTS = st.tuples(PRESSURE, AREA)
 
 
 def difference(law: Callable[[float], Sequence[float] | float], at: float = 0.0) -> Array:
-    """Central difference of fourth order."""
     near, far = (np.subtract(law(at + k * STEP), law(at - k * STEP)) for k in (1, 2))
     return np.asarray((8.0 * near - far) / (12.0 * STEP))
 

@@ -21,7 +21,6 @@ TRANSITIONS = st.floats(1e-4, 1e-1)
 
 
 def model(**parameters: dict[str, float]) -> Coefficients:
-    """Coefficients with effects given by id."""
     return effective_model(NOMINAL, [sized(name, **sizes) for name, sizes in parameters.items()]).coefficients
 
 

@@ -46,7 +46,6 @@ effects = pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)
 
 
 def at(effect: Effect, share: float) -> SizedEffect:
-    """An effect of a size between its bounds."""
     return SizedEffect(effect, tuple(p.lowest + share * (p.highest - p.lowest) for p in effect.parameters))
 
 

@@ -38,7 +38,6 @@ def area(time: float) -> float:
 
 
 def run(c: Coefficients, rate: float, substeps: int, seconds: float) -> tuple[Array, Array]:
-    """States and injection rates [m3/s] at the samples of an injection."""
     x, network = at_rest(c), constant_network()
     states, rates = [x.copy()], [0.0]
     for k in range(round(seconds * rate)):
@@ -213,10 +212,7 @@ def test_a_tiny_sac_is_where_its_flows_balance() -> None:
 
 @pytest.mark.parametrize("sac_volume", [75e-9, 3e-9])
 def test_ten_cells_are_as_good_as_forty(sac_volume: float) -> None:
-    """Against four times the cells in steps of a quarter: mass and pressure of an injection.
-
-    Between samples the area is linear, so that its corners are cut; short waves differ a little.
-    """
+    """Against four times the cells in steps of a quarter; corners of the area are cut, and short waves differ."""
     coarse = injector(sac_volume, damping=0.3, end_volume=1e-8)
     steps = substeps_needed(coarse, RATE)
     states, rates = run(effective_model(coarse).coefficients, RATE, steps, 3e-3)

@@ -1,8 +1,7 @@
-"""Injector and feed line of the plant: a line of n cells, and the sac, in fine steps.
+"""Injector and feed line of the plant: a line of n cells (one is the lump of (19)-(20)), and the sac, in fine steps.
 
-Integrator: velocity Verlet (kick, drift, kick) along the line, the trapezoidal rule, solved by Newton's method, for
-the closed end of the line with the sac. One cell is the lump of (19)-(20); dozens carry travelling waves.
-Imports nothing of `observer_rt`: a plant that shared code with the observer would share its mistakes.
+Velocity Verlet along the line; the trapezoidal rule by Newton's method at its closed end. Imports nothing of
+`observer_rt`: a plant that shared code with the observer would share its mistakes.
 """
 
 import math
@@ -34,10 +33,7 @@ class Rail(NamedTuple):
 
 
 class State(NamedTuple):
-    """Of the plant, changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift] (3,).
-
-    remembered (cells + 2,): flows, pressure at the end and lift as laws remember them.
-    """
+    """Changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift]; what laws remember."""
 
     q: Array
     p: Array
@@ -47,13 +43,11 @@ class State(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def square_root(difference: float) -> float:
-    """Signed square root of a pressure difference [Pa]."""
     return difference / math.sqrt(math.fabs(difference) + ROUNDING)
 
 
 @njit(cache=True, nogil=True)
 def square_root_slope(difference: float) -> float:
-    """Derivative of `square_root`."""
     rounded = math.fabs(difference) + ROUNDING
     return (rounded - 0.5 * math.fabs(difference)) / (rounded * math.sqrt(rounded))
 

@@ -14,7 +14,6 @@ Response = Callable[[Array], NDArray[np.complex128]]
 
 
 def filtered(values: Array, interval: float, response: Response) -> Array:
-    """A signal through an analog filter; it was at rest before and after."""
     tail = np.linspace(values[-1], values[0], values.size)  # back to the start, so that nothing jumps
     extended = np.concatenate((values, tail))
     frequencies = np.asarray(np.fft.rfftfreq(extended.size, interval), np.float64)
@@ -46,7 +45,6 @@ def resonance(frequency: float, damping: float = DAMPING) -> Response:
 
 
 def first_order(corner: float) -> Response:
-    """A sensor with a lag, by its corner [Hz]."""
     return lambda f: np.asarray(1.0 / (1.0 + 1j * f / corner), np.complex128)
 
 

@@ -1,7 +1,4 @@
-"""Histories of one injector, of whose injections every one counts: the first, and those that nothing has taught.
-
-Imports nothing of `observer_rt`.
-"""
+"""Histories of one injector whose every injection counts. Imports nothing of `observer_rt`."""
 
 import itertools
 import zlib
@@ -43,10 +40,7 @@ PILOTS, POSTS = 0.7, 0.3  # share of the events that have one
 
 @dataclass(frozen=True)
 class Kind:
-    """How an injector differs from its model; late: by how much its lift is recorded late [s].
-
-    before: events that are healthy, and whose lift is not late, but for the laws.
-    """
+    """How an injector differs from its model; late [s]: its lift; before: events that are healthy, but for laws."""
 
     faults: Faults = HEALTHY
     laws: Laws = NO_LAWS
@@ -56,10 +50,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class History:
-    """Events of an injector of some kind, at a point or several, as they are recorded on the nominal line.
-
-    count_from: event, from 0, from which on they count; fitted: laws of the one tier B's model is fitted to.
-    """
+    """Events of an injector, as recorded; count_from: the first that counts; fitted: laws for tier B's model."""
 
     kind: str
     point: str
@@ -236,7 +227,6 @@ SETS: dict[str, Callable[[int], list[History]]] = {
 
 
 def at(pressure: float, duration: float) -> str:
-    """Name of a point: rail pressure [Pa], needle open [s]."""
     return f"at {pressure / 1e6:.3g} MPa {1e3 * duration:.2g} ms"
 
 

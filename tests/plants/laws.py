@@ -1,7 +1,6 @@
-"""Laws that neither the new injector nor any named fault has: what the plant does beyond its equations.
+"""Laws that neither the new injector nor any named fault has. Imports nothing of `observer_rt`.
 
-A law changes a coefficient for one step of the integrator, or pushes a state after it. Steps are short (0.25 us, with
-travelling waves 0.8 us), so that it is as good as in the equations. Imports nothing of `observer_rt`.
+They change a coefficient for one step, or push a state after it, which in such short steps is as good.
 """
 
 import math
@@ -126,10 +125,7 @@ TEN_PRODUCTS = {  # of two inputs of nozzle or seat
 
 
 class Moment(NamedTuple):
-    """What laws go by, at the beginning of a step: SI.
-
-    since: the last opening began, below 0 before the first; lift: true; speed: of the needle; flow: of the line.
-    """
+    """Quantities of laws at the beginning of a step, SI; since: opening, below 0 before the first; lift: true."""
 
     time: float
     since: float
@@ -301,10 +297,7 @@ def _control_flow(laws: Laws, now: Moment) -> float:
 def resist(
     flows: Array, pressures: Array, remembered: Array, inertances: Array, loss: float, laws: Laws, step: float
 ) -> None:
-    """Flows (n,) of the line after `step` [s] of what holds them back, and their memory.
-
-    inertances (n,): of a whole line as it is there [kg/m4]; loss: nominal, over inertance, of a flow's square [1/m3].
-    """
+    """Flows (n,) of the line after `step` [s] of friction; inertances (n,) [kg/m4]: of a whole line; loss [1/m3]."""
     kept = math.exp(-step / laws.flow_memory)
     for i in range(flows.shape[0]):
         q = flows[i]

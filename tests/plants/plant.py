@@ -1,7 +1,4 @@
-"""The plant: schedule of injections, physics, and what the sensors and the bus make of it.
-
-Imports nothing of `observer_rt`.
-"""
+"""The plant: injections, physics, sensors and bus. Imports nothing of `observer_rt`."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -53,11 +50,7 @@ def seen_as(role: str, change: Callable[[Array, Array], Array]) -> Step:
 
 
 def sampled(seen: Signals, noise: Array, every: int, averaged: bool, after_noise: Sequence[Step] = ()) -> Signals:
-    """Every `every`-th sample, or means up to it, with white noise, as the bus has it.
-
-    noise: (3, n) of rail pressure, lift and line pressure, in multiples of the usual; after_noise: what becomes of
-    the samples then.
-    """
+    """Every `every`-th sample, or means up to it, on the bus; noise: (3, n) of rail, lift, line in usual ones."""
 
     def slowed(values: Array, noise: Array) -> Array:
         if not averaged:
@@ -123,11 +116,7 @@ Motion = Callable[[Event, float, Needle, float], Array]
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a real bench is beside its events; left out: nothing of it.
-
-    starts: of the events [s], instead of every `PERIOD`; motion: of the needle; supply: what pump and regulator add
-    to the true rail pressure [Pa] at times [s]; before_noise, after_noise: steps in their order.
-    """
+    """Additions of a real bench; starts: of events [s]; supply: added rail pressure [Pa] at times [s]."""
 
     starts: tuple[float, ...] = ()
     motion: Motion | None = None
@@ -140,8 +129,7 @@ class Surroundings:
 class Bench:
     """A bench to be recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed.
 
-    averaged: a slower recording's samples are means over the sample period that ends there, not single values.
-    line: of the richer plant; None: the injector's own; laws: what the plant does beyond its equations.
+    averaged: samples are means over the period that ends there; line: of the richer plant, None: the injector's own.
     """
 
     injector: Injector
@@ -177,8 +165,7 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """One recording and its truth; `openings` (m, 2): the sample ranges [first, last] with true lift > 1 um,
-    `event_of` (m,): the event (from 0) each belongs to."""
+    """One recording and its truth; `openings` (m, 2): samples with true lift > 1 um; `event_of` (m,): from 0."""
 
     measured: Signals
     truth: Truth
@@ -196,12 +183,10 @@ def shots_in_turn(durations: Sequence[float], gaps: Sequence[float], begin: floa
 
 
 def drawn_needle(rng: Generator) -> Needle:
-    """A needle with speeds of its own."""
     return Needle(0.80 * rng.uniform(0.85, 1.15), 0.90 * rng.uniform(0.85, 1.15))
 
 
 def event_start(number: int) -> float:
-    """Start of event `number` (from 0) [s]."""
     return FIRST_EVENT + number * PERIOD
 
 
@@ -297,7 +282,6 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
 
 
 def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: NDArray[np.int64]) -> Signals:
-    """Sensors, noise and the bus's 16-bit codes."""
     number = np.searchsorted(_first_samples(bench.starts), np.arange(time.size), "right")
     faults = [event.faults for event in bench.events]
 

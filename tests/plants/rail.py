@@ -15,10 +15,7 @@ LONGEST = 1.9e-3  # s, of an injection at REFERENCE_PRESSURE that takes `MovingR
 
 @dataclass(frozen=True)
 class MovingRail:
-    """How injections and the pump move the rail: pressures [Pa], times [s], frequencies [Hz].
-
-    dip: of the longest injection, in proportion to the injected volume; ripple: what an opening excites in the rail.
-    """
+    """How injections and pump move the rail [Pa, s, Hz]; dip: by the longest injection; ripple: by an opening."""
 
     dip: float
     recovery: float
@@ -31,10 +28,7 @@ class MovingRail:
     def supply(
         self, openings: Sequence[tuple[float, float]], rail_pressure: float, phase: float
     ) -> Callable[[Array], Array]:
-        """Pressure that is added at times, for openings (start, duration) [s] at a rail pressure.
-
-        phase: the pump's.
-        """
+        """Pressure added at times, for openings (start, duration) [s] at a rail pressure; phase: the pump's."""
 
         def added(time: Array) -> Array:
             total = self.pump * np.sin(2.0 * math.pi * (self.pump_frequency * time + phase))
@@ -55,7 +49,6 @@ class MovingRail:
 
 
 def drawn_rail(rng: Generator) -> MovingRail:
-    """One of the rails there are."""
     return MovingRail(
         dip=rng.uniform(1.0e6, 1.5e6),
         recovery=rng.uniform(4e-3, 9e-3),

@@ -1,8 +1,7 @@
-"""Realistic injectors of three sizes, each with less and less left out of what a bench has.
+"""Realistic injectors of three sizes, each with less and less left out of a real bench.
 
-Fuel whose stiffness and density follow the pressure, two-pole filters and 14 bits, a servo needle's pilot valve, an
-orifice at the rail; then its control chamber, holes that cavitate, a smooth wall whose friction remembers, a room in
-the body; pump strokes, sensors and geometry as right as a workshop knows them. Imports nothing of `observer_rt`.
+Fuel by pressure, two-pole filters and 14 bits, a pilot valve, an orifice; then control chamber, cavitating holes, a
+wall that remembers, a room in the body, pump strokes, true drawings. Imports nothing of `observer_rt`.
 """
 
 import itertools

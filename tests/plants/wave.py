@@ -1,7 +1,4 @@
-"""Injectors of the richer plant: what a fit must find out, and lines unknown to its structures.
-
-Imports nothing of `observer_rt`.
-"""
+"""Injectors of the richer plant, with lines unknown to a fit's structures. Imports nothing of `observer_rt`."""
 
 import math
 from enum import StrEnum
@@ -25,8 +22,6 @@ KAGAWA_SHARES = np.array([1.0, 1.16725, 2.20064, 3.92861, 6.78788, 11.6761, 20.0
 
 
 class Variant(StrEnum):
-    """What the line is like."""
-
     PLAIN = "plain"
     STEP = "step"  # of area, hence of impedance, at a third of its length
     FRICTION = "friction"  # depends on frequency
@@ -55,7 +50,6 @@ LINES = {
 
 
 def new_part() -> Injector:
-    """What the maker says."""
     return Injector(sac_volume=SAC_VOLUME, drained_by_seat=1)
 
 

@@ -50,10 +50,7 @@ def _through_seat(difference: float, resistance: float) -> float:
 def _implicit(
     gallery: float, sac: float, gallery_gain: float, sac_gain: float, lift: float, part: Injector, faults: Faults
 ) -> tuple[float, float]:
-    """Seat and nozzle flow [m3/s] that solve p_L = gallery - gallery_gain Q_S and p_S = sac + sac_gain (Q_S - Q_H).
-
-    The seat's law is solved exactly; Newton's method for p_S, kept in its bracket.
-    """
+    """Seat and nozzle flow [m3/s] that solve p_L = gallery - gallery_gain Q_S, p_S = sac + sac_gain (Q_S - Q_H)."""
     seat, p_c = equations.seat_factor(lift, gallery, part, faults), equations.chamber_pressure(lift, part, faults)
     resistance = gallery_gain * seat
     low, high = min(p_c, gallery, sac) - 1.0, max(p_c, gallery, sac) + 1.0
@@ -93,10 +90,7 @@ def seat_step(
     part: Injector,
     faults: Faults,
 ) -> tuple[float, float, float]:
-    """Pressures of gallery and sac after `step` [s], and the seat's mean flow: SDIRK2.
-
-    inflow: held flow into the gallery [m3/s]; lifts: true, after GAMMA steps and after the step [m].
-    """
+    """Pressures of gallery and sac after `step` [s], and the seat's mean flow: SDIRK2; lifts [m]: true."""
     by_gallery = step * equations.line_stiffness(p_l, part, faults) / end_volume
     by_sac = step * equations.sac_stiffness(p_s, part, faults) / part.sac_volume
     lift, lift1 = lifts
@@ -150,10 +144,7 @@ def run_wave(
     steps: int,
     result: Array,
 ) -> None:
-    """Integrate over the samples of the rail pressure, each in `steps`, for which the lattice was made.
-
-    lattice: as `usual`, to be changed; beyond: whether there is any law; result (n, 6) as of `equations.run`.
-    """
+    """Integrate over the rail pressure's samples, each in `steps`; lattice: as `usual`, to be changed."""
     start, interval, rail = drive
     y, sac_and_sensor, remembered = state.line, state.sac_and_sensor, state.remembered
     end = y.shape[0] - 1

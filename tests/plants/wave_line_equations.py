@@ -1,7 +1,6 @@
-"""A feed line with travelling waves: discontinuous Galerkin spectral elements, classical Runge-Kutta in time.
+"""A feed line with travelling waves: discontinuous Galerkin elements, classical Runge-Kutta in time.
 
-Four Gauss-Lobatto nodes an element, upwind fluxes by the local impedances. Imports nothing of `observer_rt`, and
-shares no discretisation with it.
+Four Gauss-Lobatto nodes an element, upwind fluxes. Imports nothing of `observer_rt`, and shares no discretisation.
 """
 
 import math
@@ -29,11 +28,10 @@ Four = tuple[float, float, float, float]
 
 
 class Lattice(NamedTuple):
-    """The line in elements of equal length; arrays (elements,).
+    """The line in equal elements; arrays (elements,): inertance [kg/m4], volume [m3], impedance [Pa s/m3], loss.
 
-    inertance [kg/m4], volume [m3], impedance [Pa s/m3] and loss [1/m3] are those of an element; `stress` its
-    inertance times damping over the square of its length [Pa s/m3]. Friction with memory (Kagawa): what remains of
-    each of its parts after a step (elements, parts), what of a change of flow is added to it, and its pull [1/s].
+    `stress`: inertance times damping over length squared [Pa s/m3]. Friction with memory (Kagawa): the remainder of
+    each part after a step (elements, parts), addition by a change of flow, and pull [1/s].
     """
 
     inertance: Array
@@ -51,9 +49,10 @@ class Lattice(NamedTuple):
 
 
 class WaveState(NamedTuple):
-    """Changed in place: flows, pressures of the nodes and the gallery's pressure (2 n + 1,), what friction remembers
-    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,), flows, pressure of the
-    gallery and lift as laws remember them (n + 2,)."""
+    """Changed in place: flows, pressures of nodes and gallery (2 n + 1,), the memory of friction (n, parts).
+
+    Then [p_S, lagged p_L, lagged lift, the seat's last flow] (4,), and flows, pressure and lift as of laws (n + 2,).
+    """
 
     line: Array
     memory: Array
@@ -65,10 +64,7 @@ class WaveState(NamedTuple):
 def line_rates(
     y: Array, rate: Array, pull: Array, rail: float, drain: float, lattice: Lattice, part: Injector, faults: Faults
 ) -> None:
-    """Time derivative of flows, pressures and the gallery's pressure (2 n + 1,) into `rate`.
-
-    pull (n,): of the friction that remembers [m3/s2]; drain: held flow out of the gallery [m3/s].
-    """
+    """Time derivative of flows and pressures (2 n + 1,) into `rate`; pull (n,): of friction [m3/s2]; drain [m3/s]."""
     # each by itself: a function that is given all of them counts references to every array, ten times the work itself
     inertance, volume, impedance, losses, stress = lattice[:5]
     dense, smoothness = lattice.dense, lattice.smoothness

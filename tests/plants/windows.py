@@ -21,8 +21,7 @@ LEAST_RATE = 0.5  # share of an opening's largest rate from which on a sample's 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Where to look in a recording: a range of samples for every opening, and in it those with the needle open; the
-    openings of every event."""
+    """Samples of every opening's window, and in it those with the needle open; the openings of every event."""
 
     ranges: tuple[slice, ...]
     opened: tuple[slice, ...]
@@ -30,7 +29,6 @@ class Windows:
     interval: float  # s
 
     def union(self, event: int) -> NDArray[np.int64]:
-        """Samples of an event's windows, each once."""
         ranges = [self.ranges[i] for i in self.of_event[event]]
         return np.unique(np.concatenate([np.arange(r.start, r.stop) for r in ranges]))
 
@@ -43,7 +41,6 @@ class Windows:
         return np.array([np.trapezoid(rate[window]) for window in self.ranges], np.float64) * self.interval * density
 
     def by_event(self, masses: Array) -> Array:
-        """Sum of the masses of every event's openings."""
         return np.array([masses[list(openings)].sum() for openings in self.of_event])
 
     def mean_squares(self, error: Array) -> tuple[float, ...]:

@@ -103,7 +103,6 @@ def findings_of(parts: Parts) -> list[Row]:
 
 
 def amended_model_of(parts: Parts) -> str:
-    """The nominal injector file with effects in force."""
     text = NOMINAL_INJECTOR.read_text()
     for effect in findings_of(parts):
         values = ", ".join(

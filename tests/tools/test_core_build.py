@@ -25,7 +25,6 @@ HEADER = "cdef inline double doubled(double value) noexcept nogil:\n    return {
 
 
 def run(command: list[str], **options: object) -> str:
-    """Output of a command that must succeed."""
     ran = subprocess.run(command, capture_output=True, text=True, **options)  # type: ignore[call-overload]
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return str(ran.stdout)

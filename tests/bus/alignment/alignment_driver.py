@@ -21,7 +21,6 @@ WRAP = 1 << 32
 def keeping_of(
     numbering: Numbering, interval: float, samples: int = 1, modulus: int = 1, shortest: float = 0.0
 ) -> Timekeeping:
-    """Timekeeping of one message before its first frame."""
     timing = np.zeros(1, TIMING)
     timing["numbering"], timing["modulus"] = numbering, modulus
     timing["interval"], timing["shortest"] = interval, shortest
@@ -46,8 +45,6 @@ def value(role: int, index: int, is_open: bool = False, epoch: int = 0) -> float
 
 @dataclass(frozen=True)
 class Row:
-    """One sample as handed on."""
-
     index: int
     values: tuple[float, ...]
     interpolated: bool
@@ -61,7 +58,6 @@ def empty_ring() -> NDArray[np.void]:
 
 
 def take_rows(alignment: Alignment, rows: list[Row]) -> None:
-    """Append what was decided since."""
     decided = int(alignment.memory["decided"][0])
     for row in alignment.recorded[np.arange(len(rows), decided) % RECORDED_RING]:
         values, broken = tuple(float(v) for v in row["values"]), Break(int(row["broken"]))
@@ -88,10 +84,7 @@ class Block:
 
 @dataclass
 class Aligner:
-    """The alignment driven as the service does it.
-
-    `roles` of every message; `bad` values instead of those of a role at an index.
-    """
+    """The alignment driven as the service does it: `roles` of each message, `bad` values of a role at an index."""
 
     roles: Sequence[Sequence[int]]
     rows: list[Row] = field(default_factory=list)
@@ -129,7 +122,6 @@ class Aligner:
 
     @property
     def breaks(self) -> dict[int, Break]:
-        """Breaks by the index they precede."""
         return {row.index: row.broken for row in self.rows if row.broken is not Break.NONE}
 
 

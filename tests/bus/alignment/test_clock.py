@@ -16,7 +16,6 @@ DELAY = 150e3  # ns, of the promptest frame
 
 
 def sent(seconds: float, drift: float = 0.0, samples: int = 1) -> NDArray[np.float64]:
-    """When each frame's last sample was taken [ns]."""
     last = np.arange(samples, int(seconds / INTERVAL) + 1, samples) - 1
     return np.asarray(last * INTERVAL * 1e9 * (1.0 + drift))
 

@@ -39,7 +39,6 @@ class Counter:
         self._keeping = keeping_of(Numbering.STAMPS if modulus == 1 else Numbering.COUNTER, CYCLE, modulus=modulus)
 
     def take(self, number: int, come: float) -> None:
-        """The `number`-th frame sent comes at `come` [s]."""
         stamp = EPOCH + round(come * 1e9)
         outcome, doubt = time_frame(self._keeping, 0, number % self.modulus, -1, stamp)
         if outcome in (Count.REPEATED, Count.OLD):

@@ -1,7 +1,4 @@
-"""Samples between those of the grid, or further apart: straight lines between neighbours, and nothing beyond.
-
-A lift between them stays what it is, with its time.
-"""
+"""Samples between those of the grid, or further apart: straight lines between neighbours, but lifts stay."""
 
 from collections.abc import Callable, Iterable
 

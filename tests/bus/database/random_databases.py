@@ -46,7 +46,6 @@ class Field:
     error: int | None = None
 
     def line(self) -> str:
-        """The `SG_` line."""
         order = "01"[not self.is_big_endian]
         sign = "-" if self.is_signed or self.is_float else "+"
         low, high = self.limits
@@ -58,10 +57,7 @@ class Field:
 
 @dataclass
 class RandomMessage:
-    """A message as its fields and its extended multiplexing: (signal, selector, ranges of values).
-
-    selectors: the values under which they select something.
-    """
+    """A message's fields and extended multiplexing (signal, selector, ranges); selectors: their selecting values."""
 
     size: int
     fields: list[Field] = field(default_factory=list)
@@ -70,7 +66,6 @@ class RandomMessage:
     selectors: dict[str, set[int]] = field(default_factory=dict)
 
     def text(self) -> str:
-        """The database."""
         number = EXTENDED_ID | 1 << 31 if self.is_extended else FRAME_ID
         lines = [f.line() for f in self.fields]
         text = HEAD.format(frame_id=number, size=self.size) + "\n".join(lines) + "\n" + TAIL
@@ -87,7 +82,6 @@ class RandomMessage:
         return text
 
     def load(self) -> Message:
-        """The message, read as a user's database is."""
         with TemporaryDirectory() as folder:
             path = Path(folder, "random.dbc")
             path.write_text(self.text())
@@ -95,7 +89,6 @@ class RandomMessage:
 
 
 def numbers(magnitude: float) -> st.SearchStrategy[float]:
-    """Whole and fractional numbers up to a magnitude."""
     return st.one_of(
         st.integers(-int(magnitude), int(magnitude)),
         st.floats(-magnitude, magnitude, allow_nan=False, allow_subnormal=False),

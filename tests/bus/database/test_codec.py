@@ -35,7 +35,6 @@ def payloads(draw: st.DrawFn, random: random_databases.RandomMessage) -> bytes:
 
 
 def selected(message: Message, payload: bytes) -> list[str]:
-    """Names of the signals that our conditions find in the frame."""
     frame = np.frombuffer(payload, np.uint8)
     names = []
     for signal in message.signals:
@@ -77,7 +76,6 @@ def test_decode(random: random_databases.RandomMessage, data: st.DataObject) -> 
 
 
 def is_far_outside(field: random_databases.Field, raw: float) -> bool:
-    """Whether a raw value is outside the declared range by more than a hundredth of it."""
     low, high = sorted(round((limit - field.offset) / field.scale) for limit in field.limits)
     return field.limits != (0, 0) and not 0 <= raw - low + 0.01 * (high - low) <= 1.02 * (high - low)
 

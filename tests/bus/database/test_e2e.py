@@ -45,7 +45,6 @@ def worth_of(frame: NDArray[np.uint8], length: int, row: np.void, last: int = -1
 
 
 def frame_with(row: np.void, counter: int) -> NDArray[np.uint8]:
-    """A frame of 8 bytes."""
     frame = frame_of(bytes(8))
     core_frames.protect_frame(frame, 8, row, counter)
     return frame
@@ -151,7 +150,6 @@ class StateMachine:
         self._min_ok, self._max_errors = min_ok, max_errors
 
     def take(self, status: E2EStatus) -> None:
-        """One frame."""
         if self.state is core_frames.E2EState.NODATA:
             self.state = core_frames.E2EState.NODATA if status in BAD else core_frames.E2EState.INIT
             return

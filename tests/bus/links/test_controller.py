@@ -14,7 +14,6 @@ NOTHING = bytes(8)
 
 
 def controller(bits: int) -> tuple[int, bytes]:
-    """An error frame of the controller's own state."""
     return ERROR_FLAG | CONTROLLER, bytes([0, bits, 0, 0, 0, 0, 0, 0])
 
 

@@ -26,10 +26,7 @@ FULL = pytest.mark.parametrize(
 
 
 def note_refusals(monkeypatch: pytest.MonkeyPatch, send_buffer: int | None = None) -> Counter[str]:
-    """Names of the errors with which sending fails from now on, and how often.
-
-    send_buffer: of the sockets made from now on, in bytes (the kernel raises it to its least); None: the usual.
-    """
+    """Names of errors of sending from now on, and how often; send_buffer: bytes of new sockets, None: the usual."""
     refusals: Counter[str] = Counter()
 
     class Noting(socket.socket):
@@ -50,13 +47,11 @@ def note_refusals(monkeypatch: pytest.MonkeyPatch, send_buffer: int | None = Non
 
 
 def links(interface: OwnInterface, queue: int = QUEUE, rate: int = RATE) -> tuple[Link, Link]:
-    """A sender and a receiver on an interface that carries `rate` frames a second."""
     interface.slow_down(rate * FRAME_BYTES, queue * FRAME_BYTES)
     return (open_link("socketcan", interface.name, True, []), open_link("socketcan", interface.name, True))
 
 
 def numbers(receiver: Link) -> list[int]:
-    """Of the frames that wait to be received."""
     return [int.from_bytes(frame.payload[:4], "little") for frame in iter(lambda: receiver.receive(0.05), None)]
 
 

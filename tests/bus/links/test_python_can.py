@@ -177,7 +177,6 @@ class GroupBus:
         self.send(2)
 
     def send(self, frames: int, data: bytes = b"") -> None:
-        """Frames of another node, a datagram each."""
         for _ in range(frames):
             self.socket.sendto(data, self.socket.getsockname())
 

@@ -95,7 +95,6 @@ def test_a_lost_interface_has_a_remedy(vcan: str, monkeypatch: pytest.MonkeyPatc
 
 
 def first_failure(link: Link) -> str:
-    """What `receive` raises before long."""
     try:
         for _ in range(100):
             link.receive(0.01)

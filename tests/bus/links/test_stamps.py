@@ -56,7 +56,6 @@ def stamp_of_next(reader: StampReader, receiver: socket.socket) -> int | None:
 
 
 def message(by_kernel: int, by_interface: int) -> bytes:
-    """A control message of SO_TIMESTAMPING."""
     return struct.pack("@6l", *divmod(by_kernel, SECOND), 0, 0, *divmod(by_interface, SECOND))
 
 

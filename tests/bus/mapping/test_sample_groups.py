@@ -31,7 +31,6 @@ BO_ 292 Rest: 24 Daq
 
 
 def bus_with(folder: Path, rail: str, index: str = "Index") -> BusMap:
-    """Rail pressure from the message whose samples take turns, lift and line pressure in blocks."""
     rest_signal = 'message = "Rest"\nindex = "Index"\npattern = "{}{{}}"'
     signals = {
         "rail_pressure": f'message = "Turns"\nindex = "{index}"\n{rail}',

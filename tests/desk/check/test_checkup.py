@@ -25,8 +25,6 @@ FindingsOf = Callable[..., list[Finding]]
 
 @pytest.fixture
 def findings_of(tmp_path: Path) -> FindingsOf:
-    """Findings of the example bench with text of its files replaced."""
-
     def run(bench: Edits = NO_EDITS, database: Edits = NO_EDITS, injector: Edits = NO_EDITS) -> list[Finding]:
         edited(DATABASE, tmp_path / "edited.dbc", database)
         edited(NOMINAL_INJECTOR, tmp_path / "injector.toml", injector)

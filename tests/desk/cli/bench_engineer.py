@@ -45,10 +45,9 @@ def run_and_stop(
     number: signal.Signals = signal.SIGTERM,
     meanwhile: Callable[[], bool] = lambda: True,
 ) -> tuple[Outcome, ResultFrames]:
-    """Play a recording, or frames, to the command over the virtual bus, then send it a signal.
+    """Play a recording, or frames, at full speed to the command over the virtual bus, then send it a signal.
 
-    As fast as it can, from the first status on; the last two frames of samples may stay unprocessed. meanwhile: done
-    once they are played.
+    The last two frames of samples may stay unprocessed; meanwhile: done once they are played.
     """
     channel = load_bench(bench).config.link.channel
     frames = frames_of(bench, sent) if isinstance(sent, Path) else list(sent)

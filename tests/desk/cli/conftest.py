@@ -28,8 +28,6 @@ class Outcome(NamedTuple):
 
 
 class Command:
-    """`observer-rt` in this process."""
-
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self._monkeypatch, self._capsys = monkeypatch, capsys
 
@@ -46,7 +44,6 @@ class Command:
         return Outcome(code or 0, out, err)
 
     def done(self, *arguments: object) -> Outcome:
-        """Run it, and it goes well."""
         outcome = self(*arguments)
         assert outcome.code == 0, f"{arguments}\n{outcome.err}\n{outcome.out}"
         return outcome
@@ -94,7 +91,6 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def resting(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recording of 20 ms without an injection."""
     path = tmp_path_factory.mktemp("resting") / "resting.csv"
     rows = [f"{k * 1e-5:.5f},60,0,60" for k in range(2000)]
     path.write_text("time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n" + "\n".join(rows) + "\n")

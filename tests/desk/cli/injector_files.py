@@ -25,7 +25,6 @@ noise = {{ rail_pressure_MPa = 0.1, line_pressure_MPa = 0.15, needle_lift_um = 0
 
 
 def injector(path: Path, line: str = "lump", outflow: str = "nozzle", added: str = "", end: str = "") -> Path:
-    """An injector file with keys added to [line], and text at its end."""
     text = NOMINAL_INJECTOR.read_text().replace("[line]\n", f'[line]\nmodel = "{line}"\n{ADDED[line]}{added}')
     path.write_text(f'line_outflow = "{outflow}"\n{text}{end}')
     return path
@@ -37,11 +36,9 @@ def in_force(effect: str, key: str, value: float) -> str:
 
 
 def amended(path: Path, effect: str, key: str, value: float) -> Path:
-    """The nominal injector's file with an effect in force."""
     path.write_text(NOMINAL_INJECTOR.read_text() + in_force(effect, key, value))
     return path
 
 
 def worn_file(path: Path, v_h: float = 0.3) -> Path:
-    """With a worn nozzle."""
     return amended(path, "orifice_area", "v_H", v_h)

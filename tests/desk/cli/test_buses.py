@@ -53,7 +53,6 @@ def test_a_log_of_three_buses_is_as_the_recording(command: Command, twins: Path,
 
 @pytest.fixture
 def channels() -> list[str]:
-    """Names of virtual channels of the test's own."""
     return [f"{uuid.uuid4().hex[:8]}-{number}" for number in range(4)]
 
 

@@ -1,8 +1,4 @@
-"""Mistakes in the arguments of a command: each is named with its remedy, before any work, and nothing is written.
-
-The lines and the answers to them are in mistakes.txt, where … stands for words of libraries and for lists. What
-parsers of values refuse is asked in their own tests.
-"""
+"""Mistakes in arguments are named with remedies, before any work; lines and answers: mistakes.txt (… for lists)."""
 
 import re
 from pathlib import Path

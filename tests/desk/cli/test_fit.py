@@ -15,7 +15,6 @@ POINTS = ((60e6, 0.6e-3), (140e6, 1.9e-3))
 
 @pytest.fixture(scope="module")
 def healthy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
-    """Two recordings of the nominal injector."""
     folder = tmp_path_factory.mktemp("healthy")
     paths = []
     for number, simulation in enumerate(simulations(POINTS)):

@@ -48,7 +48,6 @@ RECORDING = '[recording]\nrail_pressure = { column = "p" }\nneedle_lift = { colu
 
 # what stands there, what stands there instead, and words that are said of it
 MISTAKES = {
-    # the file as such
     "a bracket is missing": ("[sampling]", "[sampling", "line 19", "is not valid TOML"),
     "key twice": ("rate_hz = 50e3", "rate_hz = 50e3\nrate_hz = 50e3", "line 21", "TOML"),
     "nothing in it": (BENCH, "", "dbc", "--print-example-bench"),
@@ -56,7 +55,6 @@ MISTAKES = {
     "unknown key of an optional role": (END, f'{FUEL}"X"\nunits = "K"', "fuel_temperature.units", "'unit'"),
     "signal of a role that is none": ("[signals.needle_lift]", "[signals.lift]", "signals.lift", "needle_lift"),
     "no database": ('[[dbc]]\nfile = "observer_fd.dbc"', "", "dbc", "is missing", "--print-example-bench"),
-    # types
     "text for a section": ("[sampling]", 'model = "injector.toml"\n[sampling]', "line_pressure.model"),
     "text for a list": (RAIL, 'signals = "RailPressure_00"', "rail_pressure.signals", "a list in brackets"),
     "text for a switch": ("enabled = true", 'enabled = "yes"', "learning.enabled", "true or false"),
@@ -64,16 +62,13 @@ MISTAKES = {
     "number for a name": ('"mistakes"', "0", "link.channel", "a text in quotes"),
     "text for a number": ("injector_id = 1", 'injector_id = "one"', "outputs.injector_id", "a valid integer"),
     "half a number": ("injector_id = 1", "injector_id = 1.5", "outputs.injector_id", "a valid integer"),
-    # buses
     "unknown interface": ('"virtual"', '"sockecan"', "link.interface", "'sockecan'", "'socketcan'?"),
     "no channel": ('"mistakes"', '""', "link.channel"),
     "bit rate in kbit/s": ("\nbit_rate = 500e3", "\nbit_rate = 500", "link.bit_rate", "equal to 5000"),
     "CAN FD on a classic bus": ("fd = true", "fd = false", "link.fd", "is a CAN FD message", "set link.fd = true"),
     "more than the bus carries": ("rate_hz = 50e3", "rate_hz = 500e3", "link.data_bit_rate", "of 6 ms: 130%"),
-    # databases
     "no such database": ("observer_fd.dbc", "nowhere.dbc", "dbc.0.file", "nowhere.dbc does not exist"),
     "a database that is none": ("observer_fd.dbc", "bench.toml", "bench.toml", "canconvert"),
-    # signals
     "unknown message": ("SampleBlock", "SampleBlok", "signals.rail_pressure.message", "SampleBlock"),
     "unknown signal": (LIFT, 'signal = "NeedleLift"', "signals.needle_lift", "NeedleLift_00"),
     "pattern without braces": (LIFT, 'pattern = "NeedleLift_"', "signals.needle_lift", "NeedleLift_00"),
@@ -97,12 +92,10 @@ MISTAKES = {
         "signals.fuel_temperature.unit", "'bar'", "degC"),
     "no time for an optional input": (END, f'{FUEL}"FuelTemperature"\ntimeout_ms = 0',
         "signals.fuel_temperature.timeout_ms", "greater than 0"),
-    # numbers out of their range
     "rate in kHz": ("rate_hz = 50e3", "rate_hz = 50", "sampling.rate_hz", "greater than or equal to 1000"),
     "rate too low for the model": ("50e3", "1e3", "sampling.rate_hz", "integration steps a sample"),
     "no noise": ("MPa = 0.15", "MPa = 0", "noise.line_pressure_MPa", "greater than 0"),
     "a choice that is none": ('"instant"', '"average"', "sampling.meaning", "'instant' or 'mean'"),
-    # results
     "unknown summary": ("injector_id = 1", 'injection_summary = "X"', "outputs.injection_summary", "message X"),
     "message of an input for results": ('"InjectionRate"', '"SampleBlock"',
         "outputs.injection_rate", "message SampleBlock has no signal"),
@@ -112,7 +105,6 @@ MISTAKES = {
     "one message for two results": ("injector_id = 1", 'status = "InjectionSummary"',
         "outputs", "2 results share the message InjectionSummary", "give each its own"),
     "input for a result": ("injector_id = 1", 'status = "SampleBlock"', "status_id", "share 0x100"),
-    # files
     "no such injector file": (END, '[model]\nfile = "x.toml"\n', "model.file", "x.toml does not exist"),
     "a folder for the injector file": (END, '[model]\nfile = "."\n', "bench.toml: model.file", "folder"),
     "a bench file for the injector file": (END, '[model]\nfile = "bench.toml"\n',
@@ -121,7 +113,6 @@ MISTAKES = {
     "state and journal in one": (END, '[state]\nfile = "x"\njournal = "x"\n', "state.journal", "another"),
     "state in the bench file": (END, '[state]\nfile = "bench.toml"\n', "bench.toml: state.file"),
     "saved at no time": (END, "[state]\nsave_within_s = 0\n", "state.save_within_s", "greater than or equal to 0.1"),
-    # recordings
     "column without a name": (END, f"{RECORDING}{{}}\n", "line_pressure.column"),
     "unit of a column": (END, f'{RECORDING}{{ column = "q", unit = "furlong" }}\n',
         "recording.line_pressure", "'furlong'", "MPa"),
@@ -134,7 +125,6 @@ MISTAKES = {
 
 
 def said_of(command: Command, path: Path) -> str:
-    """What `check` says of a bench file that will not do."""
     checked = command("check", "--bench", path)
     assert checked.code in (1, 2)
     return checked.err if checked.code == 2 else " ".join(checked.out.split())

@@ -30,7 +30,6 @@ unit = "bar"
 
 @pytest.fixture
 def own(bench: Path) -> Path:
-    """Bench file with a `[recording]` section."""
     bench.write_text(bench.read_text() + SECTION)
     return bench
 

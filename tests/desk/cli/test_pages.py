@@ -1,7 +1,4 @@
-"""README and docs: every command that needs no bus is run as it stands, where the files are that the page speaks of.
-
-Those that need one run in tests/daemon/test_on_vcan_pages.py. A command that is added to a page is run as well.
-"""
+"""README and docs: every command that needs no bus is run as it stands; others in test_on_vcan_pages.py."""
 
 import csv
 import json

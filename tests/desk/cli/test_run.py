@@ -106,11 +106,9 @@ def said_in(capture: Path, text: str) -> bool:
 def test_hang_up_takes_over_a_bench_file_that_was_changed(
     command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What was learned goes on, though no file keeps it; a file with a mistake leaves the one before in force, and so
-    does one whose interface cannot be used.
+    """Knowledge goes on without a file; a mistaken file or an unusable interface leaves the one before in force.
 
-    The service manager hears of the start, the watchdog from the loop, and of the end, not of the change. As its unit
-    starts it, for a bench with one injector: with an empty name.
+    The service manager hears of start and end, not of the change. As its unit starts it: with an empty name.
     """
     log = tmp_path / "run.log"
     text = bench.read_text()

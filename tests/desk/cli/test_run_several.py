@@ -22,7 +22,6 @@ LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
 
 
 def processed(payloads: Payloads, number: int) -> float:
-    """Samples of an injector, as it says; -1 before it says anything."""
     statuses = payloads.get(STATUS_ID + number * STEP)
     return decoded(STATUS, statuses[-1])["SamplesProcessed"] if statuses else -1.0
 

@@ -1,7 +1,4 @@
-"""The page of a first hour: its commands and its program as they stand, in one folder, in their order; the README's.
-
-Those that need a bus run in tests/daemon/test_on_vcan_pages.py.
-"""
+"""The page of a first hour, and the README's: commands without a bus and program as they stand, in order."""
 
 import re
 import subprocess

@@ -20,7 +20,6 @@ def recording_json(evaluation: Evaluation, c: Coefficients) -> dict[str, Any]:
 
 
 def screen_text(evaluation: Evaluation, c: Coefficients) -> str:
-    """Of a screen of 80 columns."""
     screen = io.StringIO()
     print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
     return screen.getvalue()

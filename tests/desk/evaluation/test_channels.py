@@ -52,7 +52,6 @@ def slow_sensors() -> Simulation:
 
 
 def recorded(late: dict[str, float]) -> Recording:
-    """At FAST, each channel late by so much [s]."""
     fine = slow_sensors().recording
     time = fine.time[:: round(FINE / FAST)]
 
@@ -63,7 +62,6 @@ def recorded(late: dict[str, float]) -> Recording:
 
 
 def rmse(bench: Bench, recording: Recording) -> float:
-    """Of the rate [mm3/ms] over the injections."""
     trace = evaluate(bench, [recording], learning=False).evaluations[0].trace
     true = slow_sensors().truth.injection_rate[:: round(FINE / FAST)]
     is_open = np.convolve(true > 0.0, np.ones(20), "same") > 0.0

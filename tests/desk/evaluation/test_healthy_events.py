@@ -22,8 +22,7 @@ SWING = 0.6  # MPa, of what the model below leaves after an opening
 
 
 def ringing(recording: Recording, seed: int) -> Recording:
-    """The same injections with a line pressure that rings after each opening as no model knows, a little differently
-    each time."""
+    """The same injections with a line pressure that rings after each opening as no model knows, each differently."""
     random = np.random.default_rng(seed)
     open_now = recording.needle_lift > 20e-6
     pressure = recording.line_pressure.copy()

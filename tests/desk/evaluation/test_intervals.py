@@ -29,8 +29,6 @@ SHOTS = [Shot(0.4e-3, -1.5e-3), Shot(1.1e-3, 0.0)]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A recording evaluated, and its truth."""
-
     evaluation: Evaluation
     truth: Truth
 

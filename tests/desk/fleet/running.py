@@ -21,7 +21,6 @@ def started(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.Pope
 
 
 def ended(process: "subprocess.Popen[str]") -> dict[str, Any]:
-    """What it printed; it must have gone well."""
     out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     said: dict[str, Any] = json.loads(out)

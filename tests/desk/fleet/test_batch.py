@@ -1,7 +1,4 @@
-"""A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged.
-
-And on a scheduler that is there already, which serves others too, with an effect in force.
-"""
+"""A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged."""
 
 import shutil
 import subprocess

@@ -39,7 +39,6 @@ def result(worn: Worn) -> ort.EvaluationResult:
 
 
 def true_masses(truth: pd.DataFrame, injections: pd.DataFrame) -> list[float]:
-    """Masses [mg] by the truth."""
     density = effective_model(load_bench().injector.parameters).coefficients.density
     masses = []
     for row in injections.itertuples():
@@ -50,7 +49,6 @@ def true_masses(truth: pd.DataFrame, injections: pd.DataFrame) -> list[float]:
 
 
 def test_import_is_light() -> None:
-    """Nothing is imported before it is asked for."""
     code = "import sys, observer_rt; print([n for n in ('numpy', 'pandas', 'scipy', 'rich') if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -1,7 +1,4 @@
-"""The notebooks of docs/notebooks, run in an empty folder, and the outputs that they are kept with.
-
-`python -m tests.desk.library.test_notebooks` runs them and keeps what they show: after a change of either.
-"""
+"""The notebooks of docs/notebooks, run in an empty folder, and their outputs, which `python -m` of this keeps."""
 
 import re
 from collections.abc import Iterable
@@ -34,7 +31,6 @@ def run(name: str, folder: Path) -> Any:
 
 
 def outputs_of(notebook: Any) -> list[Any]:
-    """Outputs of its cells, in order."""
     return [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
 
 
@@ -87,7 +83,6 @@ def test_what_is_kept_is_of_one_run_and_of_no_machine(name: str) -> None:
 
 
 def main() -> None:
-    """Run all notebooks, and write them with what they show."""
     for name in NOTEBOOKS:
         stated = kept(name).metadata  # not the Python that happens to be here
         with TemporaryDirectory() as folder:

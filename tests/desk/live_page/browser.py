@@ -30,10 +30,7 @@ _URL = re.compile(r"http://\S+:\d+/\S*")
 
 
 def launch(playwright: Playwright) -> Browser:
-    """The first that starts, of the system's and Playwright's own. Raises UserError if no browser starts.
-
-    Ubuntu's `chromium-browser` is there and only asks for a snap.
-    """
+    """The first that starts (Ubuntu's `chromium-browser` only asks for a snap). Raises UserError if none does."""
     alone: dict[str, str | float | bool] = {**os.environ}
     alone.pop("LD_PRELOAD", None)  # sanitizers
     failures = []

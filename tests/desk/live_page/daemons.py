@@ -32,7 +32,6 @@ class PacedLink(ScriptedLink):
 
 @contextmanager
 def daemons_of(path: Path, frames: Sequence[TimedFrame], slowdown: float = 0.0) -> Iterator[list[HeardDaemon]]:
-    """A daemon for each injector of a bench, all on one bus, each with the socket that the page asks."""
     with ExitStack() as stack:
         daemons = []
         for bench in load_bench(path).per_injector:

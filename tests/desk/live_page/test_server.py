@@ -28,14 +28,12 @@ pytestmark = pytest.mark.slow
 
 @contextmanager
 def silent(folder: Path, *arguments: str) -> Iterator[PageServer]:
-    """A monitor of a bench without a daemon."""
     bench = bench_file(folder, "served")
     with served(command("monitor", "--port", "0", "--bench", bench, *arguments), folder) as monitor:
         yield monitor
 
 
 def answers(url: str) -> bool:
-    """Whether the page is served."""
     try:
         with urlopen(url, timeout=5.0) as result:
             return bool(result.status == 200)
@@ -44,7 +42,6 @@ def answers(url: str) -> bool:
 
 
 def said_until_end(monitor: PageServer) -> list[str]:
-    """What it says from now on, once it is asked to end."""
     monitor.process.terminate()
     assert monitor.process.stderr is not None
     return monitor.process.stderr.read().splitlines()

@@ -31,7 +31,6 @@ class Injection:
     scored: slice
 
     def setting(self, gain: float = GAIN) -> PaperSetting:
-        """The pair's setting with an identification gain [1/s]."""
         substeps = substeps_needed(load_injector(), SAMPLE_RATE)
         return PaperSetting(1 / SAMPLE_RATE, substeps, self.c, gain)
 

@@ -37,7 +37,6 @@ def derivative(values: Floats) -> Floats:
 
 
 def model_rates(x: Floats, u: Floats, injection: Injection) -> Floats:
-    """f(x, u) along states (n, 3) and inputs (n, 2)."""
     nothing = constant_network()
     return np.array(
         [rates_of_change((a[0], a[1], a[2]), (b[0], b[1]), injection.c, nothing) for a, b in zip(x, u, strict=True)]

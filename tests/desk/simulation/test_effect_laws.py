@@ -130,11 +130,7 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
 
 
 def reference(rail: float, of: Effects, times: Floats) -> tuple[Floats, Floats]:
-    """Injection rate [m3/s] and line pressure [Pa] at `times`, from a line without flow at their begin.
-
-    A leaking line has found its flow by then: it begins at 0 s. Where a step may fall between two evaluations the
-    steps are short.
-    """
+    """Injection rate [m3/s] and line pressure [Pa] at `times`, from a line without flow, long before."""
     stepped, leaks = "chamber_pressure_rise" in of.sizes, "guide_leakage" in of.sizes
     rates, nozzle_flow = rates_of(rail, of)
     start, span = [rail, 0.0, NOMINAL.chamber.pressure], [0.0 if leaks else times[0], times[-1]]

@@ -37,7 +37,6 @@ NOISE = SimulatedNoise()
 
 
 def mass(truth: Truth) -> float:
-    """Injected mass [mg]."""
     return float(np.trapezoid(truth.injection_rate, truth.time)) * DENSITY * 1e6
 
 
@@ -230,7 +229,6 @@ def test_out_of_range_is_clipped_below_the_error_code(quantisation: Quantisation
 
 
 def values(texts: list[str]) -> dict[str, tuple[float, ...]]:
-    """What was parsed, SI, by id."""
     return {item.effect.id: item.values for item in parse_effects(texts)}
 
 

@@ -26,8 +26,7 @@ def steady_kalman(
 ) -> tuple[Array, float]:
     """Gain (3,) and innovation sigma by matrix exponentials and the algebraic Riccati equation.
 
-    States p_L, Q_L, the indication, which sees p_L as a ramp from sample to sample, and the recorded one: it a
-    share `late` of a sample late, or its mean since the sample before.
+    States p_L, Q_L, indication (p_L is a ramp), and the recorded one: a share `late` of a sample late, or a mean.
     """
     interval = 1.0 / sample_rate
     rates = np.zeros((4, 4))  # p_L, Q_L, integral of p_L, rail

@@ -34,10 +34,7 @@ def with_slopes(case: Case, window: Window, theta: Array, columns: NDArray[np.in
 
 
 def assert_slopes(case: Case, window: Window, theta: Array, by_corners: float = 0.2, share: float = 1e-6) -> None:
-    """Against differences of the innovations, by every parameter; by the lift's delay, over half a sample.
-
-    by_corners: share of a move of the lift that its corners between the samples may be.
-    """
+    """Against differences of the innovations by every parameter; by_corners: share of a lift's move."""
     _, slopes = with_slopes(case, window, theta)
     expected = differences(lambda moved: innovations_at(case, window, moved), theta, 1e-5)
     moves = np.abs(expected).max(axis=0) > 0.0

@@ -11,7 +11,6 @@ SAMPLES, SHUT = 40, 12
 
 
 def straight_lines(window: Window, at: float) -> float:
-    """Area at a place in samples, by the line between its neighbours among samples and knots."""
     points = [(float(k), float(area)) for k, area in enumerate(window.inputs[:, 1])]
     points += [(k + share, area) for k, (share, area) in enumerate(window.knots.tolist()) if share]
     points.sort()

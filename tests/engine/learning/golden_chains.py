@@ -46,7 +46,6 @@ class Recipe(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """Of injector and line."""
         return "waves" if self.line else "no lift" if self.needle else "lump"
 
 
@@ -59,7 +58,6 @@ def _disturbed(bench: Bench, fault: str, size: float, since: float = 0.0) -> Ben
 
 
 def recipes() -> dict[str, Recipe]:
-    """Chains by their names."""
     coking, usual, bounces = Laws(coking=0.3), needles.Kind.USUAL, needles.Kind.BOUNCES
     lump = {"nozzle and seat worn": Kind(WEAR[1]), "healthy": Kind(), "nozzle worn": Kind(WEAR[0])}
     lump |= {f"nozzle {100 * v:+.0f} % at once": Kind(Faults(orifice_area=v), before=5) for v in (0.03, 0.13, -0.3)}

@@ -67,7 +67,6 @@ def read(path: Path) -> tuple[list[Named], dict[str, str]]:
 
 
 def recorded(path: Path) -> Iterator[tuple[Chain, list[Named]]]:
-    """All chains with their events, or the outcomes of these."""
     events = iter(read(path)[0])
     for fields in json.loads(CHAINS.read_text()):
         yield (chain := Chain(**fields)), [next(events) for _ in range(chain.events)]

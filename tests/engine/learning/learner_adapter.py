@@ -1,8 +1,4 @@
-"""How golden events reach the learner and how its answers are read: all that a test of them knows of its names.
-
-A chain is learned by a new learner, event after event. Events and outcomes are arrays and texts by names, which stay
-when the learner's own change.
-"""
+"""How golden events reach the learner one by one, and how its answers are read: arrays and texts by names."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -48,7 +44,6 @@ class Chain(NamedTuple):
 
     @property
     def constants(self) -> tuple[BenchInjector, Constants]:
-        """Its injector on a bench, and the observer's constants."""
         bench = bench_at(self.rate, GOLDEN / self.model).with_lift_sensor(not self.has_lift)
         meaning = Meaning.MEAN if self.means else Meaning.INSTANT
         injector = bench.with_sections(sampling=SamplingConfig(rate_hz=self.rate, meaning=meaning)).injector

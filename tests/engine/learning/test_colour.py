@@ -17,7 +17,6 @@ SIGMA = 0.154  # MPa, of white innovations
 
 
 def rested(events: list[NDArray[np.float64]], interval: float = INTERVAL) -> RestingNoise:
-    """The noise after events with one stretch of rest each."""
     return reduce(lambda noise, values: noise.after([values], interval), events, RestingNoise())
 
 

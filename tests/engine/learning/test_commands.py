@@ -39,10 +39,7 @@ FOUND = (6e-6, Faults(seat_area=-0.1))
 def learned(
     flow: float, faults: Faults, opens_after: float, shuts_after: float, late: float = 0.0
 ) -> tuple[ObservedRun, list[float]]:
-    """Events after the first pass over the points, and how long after the commands the valve opens and shuts [s].
-
-    flow: at 100 MPa [m3/s]; late: of the column of the commands [s].
-    """
+    """Events after the first pass at a flow [m3/s], and delays of the valve [s]; late: column of commands [s]."""
     events, laws = in_turn(18, lambda _: faults, RAIL_PRESSURES, DURATIONS), Laws(control_flow=flow)
     bench = Bench(Injector(), Needle(), events, seed=3, laws=laws)
     outcome = record(bench)

@@ -40,10 +40,7 @@ def learned(
     around: Surroundings = UNDISTURBED,
     first: int = FIRST,
 ) -> ObservedRun:
-    """The events after the first ones, by default after the first pass over the points.
-
-    flow: at 100 MPa [mm3/ms]; accuracy: that the injector file states, None: of a simulation.
-    """
+    """The events after the first pass over the points; flow: at 100 MPa [mm3/ms]; accuracy: None: of a simulation."""
     schedule = in_turn(events, lambda _: faults, RAIL_PRESSURES, DURATIONS)
     laws = laws._replace(control_flow=flow * MM3_PER_MS)
     bench = Bench(Injector(), Needle(), schedule, seed=seed, laws=laws, around=around)

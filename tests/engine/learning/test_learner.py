@@ -92,7 +92,6 @@ def test_event_that_cannot_be_learned_from_changes_nothing(damage: Callable[[Vec
 
 
 def as_text(state: LearningState) -> str:
-    """As a file keeps it, arrays as lists."""
     return json.dumps(to_plain(state), default=np.ndarray.tolist)
 
 

@@ -17,7 +17,6 @@ NOTHING = np.zeros((SIZE, SIZE))
 
 
 def event(seed: int) -> Resimulation:
-    """An event with random slopes whose parameters and inputs are known exactly."""
     random = np.random.default_rng(seed)
     run = OpenLoop(
         rate=RATE,

@@ -47,10 +47,7 @@ def test_gradient_is_the_derivative(case: Case, theta: NDArray[np.float64], outl
 
 
 def test_gauss_newton_finds_the_truth_without_noise(nominal: Case) -> None:
-    """All parameters at once but the network's weights, held by a prior so wide that it hardly counts.
-
-    A valve without flow says nothing; the slope by the lift's delay is a difference.
-    """
+    """All parameters at once but the weights, which a wide prior hardly holds; a valve without flow says nothing."""
     truth, columns = conftest.worn_theta(), np.delete(np.arange(PARAMETERS), [*WEIGHTS, Parameter.LIFT_DELAY])
     truth[WEIGHTS] = 0.0
     events = [simulated_event(nominal, truth, event_inputs(rail=rail)) for rail in (0.45, 0.95, 1.55)]

@@ -1,7 +1,4 @@
-"""The core on undisturbed traffic, what it sends read by plain cantools and autosar-e2e; and on disturbed traffic.
-
-There nothing wrong is ever published as right, everything is counted, all recovers.
-"""
+"""The core on clean and disturbed traffic, by cantools and autosar-e2e: nothing wrong is published as right."""
 
 from collections.abc import Callable
 from functools import partial
@@ -294,10 +291,7 @@ def test_windowed_source(tmp_path: Path, messages: dict[str, str], clean: Traffi
 
 @pytest.mark.slow
 def test_needle_signal_that_chatters_is_survived(clean: Traffic) -> None:
-    """A lift sensor gone mad: thousands of openings in one event, each reported once or forgotten, in order.
-
-    Nothing is learned from it, and the second event after it is believed: the first ones ever, after so many faults.
-    """
+    """A lift sensor gone mad: thousands of openings are reported once or forgotten; nothing is learned."""
     good = simulated()
     lift = good.needle_lift.copy()
     shut = np.random.default_rng(1).normal(size=7_000) * SimulatedNoise().needle_lift

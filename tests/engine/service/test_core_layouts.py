@@ -1,8 +1,6 @@
-"""A user's own bus database, and frames of several buses: the same rates.
+"""A user's own bus database, and frames of several buses: the same rates; two injectors: as if each were alone.
 
 Frames that take turns, protected and windowed: a pause is legal only if the counter went on over all of them.
-
-Those of a bench with two injectors go to the cores that have samples for them: as if each injector were alone.
 """
 
 from collections.abc import Callable
@@ -58,7 +56,6 @@ def turns(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 
 
 def standstill_frames(turns: Bench) -> list[TimedFrame]:
-    """Two windows of a closed needle."""
     samples = 4000
     pressure = np.full(samples, 100e6)
     recording = Recording(np.arange(samples) / SAMPLE_RATE, pressure, np.zeros(samples), pressure)
@@ -101,7 +98,6 @@ def test_damaged_frames_are_counted_once(turns: Bench) -> None:
 
 @pytest.fixture(scope="module")
 def twins(tmp_path_factory: pytest.TempPathFactory) -> Traffic:
-    """In order of time."""
     path = twin_bench(tmp_path_factory.mktemp("twins"))
     frames = frames_of(path, worn_recording())
     return Traffic(path, frames, run(path, frames))

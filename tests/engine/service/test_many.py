@@ -1,7 +1,4 @@
-"""Frames of any bytes do no harm, and many in one call give what they give one by one.
-
-In `tools/test --debug-core` every access beyond an array ends the process.
-"""
+"""Frames of any bytes do no harm (see `tools/test --debug-core`), and many in one call give what single ones give."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -37,7 +37,6 @@ class Scale:
         return run(self.path, inserted(self.frames, measured_masses))
 
     def masses(self, *measured_masses: tuple[int, TimedFrame]) -> list[tuple[int, float]]:
-        """Injection and mass [mg]."""
         result = self.tells(*measured_masses).notes.measured
         return [(one.report.number, round(one.mass * 1e6, 6)) for one in result]
 

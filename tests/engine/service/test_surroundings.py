@@ -75,7 +75,6 @@ def true_mass(rate: np.ndarray, report: InjectionReport, celsius: float = REFERE
 
 
 def bench(folder: Path, timeout: str = "") -> Path:
-    """Temperature by a message of its own."""
     (folder / "sensor.dbc").write_text(SENSOR)
     extra = '[[dbc]]\nfile = "sensor.dbc"\n[signals.fuel_temperature]\nmessage = "Sensor"\nsignal = "Fuel"\n'
     return sample_bench(folder, extra=extra + timeout)
@@ -94,7 +93,6 @@ def sensor(celsius: float | None) -> TimedFrame:
 
 @cache
 def frames_at(celsius: float) -> list[TimedFrame]:
-    """What the measuring device sends of fuel so warm, by our own layout."""
     return Device().send(fuel_at(celsius).recording)
 
 

@@ -22,7 +22,6 @@ def run(disturbance: NDArray[np.float64], noise: float = NOISE.needle_lift, is_c
 
 
 def durations(stream: Stream) -> NDArray[np.int64]:
-    """Samples with the needle open, of every opening."""
     is_open = np.concatenate(([False], stream.rows["seat_area"] > 0.0, [False]))
     edges = np.flatnonzero(np.diff(is_open))
     return edges[1::2] - edges[::2]

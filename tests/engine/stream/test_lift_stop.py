@@ -56,7 +56,6 @@ def run(after_closing: NDArray[np.float64]) -> Stream:
 
 
 def open_samples(stream: Stream) -> float:
-    """Mean number of samples with an open needle, per opening."""
     return float(np.count_nonzero(stream.rows["seat_area"] > 0.0) / len(OPENINGS))
 
 

@@ -32,10 +32,7 @@ def test_noise_is_measured_within_two_percent(levels: NoiseLevels) -> None:
 @pytest.mark.parametrize("undone", [0.0, 3.7e-6, -4.4e-6])
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.8])
 def test_noise_of_a_rail_pressure_between_its_samples_is_that_of_its_samples(share: float, undone: float) -> None:
-    """Interpolation takes away its quick part, which the line does not follow anyway; so does a second one.
-
-    undone: a delay [s] that is stated.
-    """
+    """Interpolation takes away its quick part, which the line does not follow anyway; so does a delay [s] undone."""
     random = np.random.default_rng(3)
     stream = Stream(keep=False, stated=(sized("rail_pressure_skew", d=undone),) if undone else ())
     rail = RAIL + random.normal(0.0, 0.1e6, 100_001)

@@ -77,7 +77,6 @@ def write_log(path: Path, frames: list[LogFrame]) -> Path:
 
 
 def message_of(entry: LogFrame) -> can.Message:
-    """A frame as python-can holds it."""
     identifier, payload, stamp, is_extended, is_fd, switch, state = entry.frame
     return can.Message(
         timestamp=stamp / 1e9,
@@ -101,7 +100,6 @@ def sent_log(frames: Iterable[TimedFrame], start: int = START, channel: str = "1
 
 
 def as_read(frames: list[LogFrame], suffix: str) -> list[LogFrame]:
-    """The frames with their channels named as the format names them."""
     if suffix != ".log":
         return frames
     return [frame._replace(channel=f"can{int(frame.channel) - 1}") for frame in frames]

@@ -51,7 +51,6 @@ def test_noise_of_the_lift_opens_no_window() -> None:
 
 
 def warnings_of(**changed: float) -> list[str]:
-    """Warnings about signals that leave the range of the bus in one value each."""
     survey = Survey()
     for name, inside in (("rail_pressure", 100e6), ("needle_lift", 100e-6), ("line_pressure", 100e6)):
         survey.take(name, np.array([inside, changed.get(name, inside), np.nan]))

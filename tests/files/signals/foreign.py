@@ -32,7 +32,6 @@ unit = "MPa"
 def bench(
     folder: Path, options: str = "", rail: str = 'unit = "bar"', text: str = COLUMNS, time: str = 'unit = "ms"'
 ) -> Bench:
-    """The example bench with a `[recording]` section."""
     path = folder / "bench.toml"
     path.write_text(EXAMPLE_BENCH.read_text() + text.format(options=options, rail=rail, time=time))
     return load_bench(path)
@@ -50,7 +49,6 @@ def signals(samples: int) -> dict[str, NDArray[np.float64]]:
 
 
 def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
-    """A CSV file."""
     path = folder / "foreign.csv"
     path.write_bytes(text.encode(encoding))
     return path
@@ -69,5 +67,4 @@ def write_rows(folder: Path, time: NDArray[np.float64], digits: int = 7, **chang
 
 
 def opened(path: Path, folder: Path, options: str = "", text: str = COLUMNS) -> SignalStream:
-    """A file by the bench of a folder."""
     return open_recording(path, bench(folder, options, text=text).injector)

@@ -43,12 +43,10 @@ def lines(
 
 
 def stamped(samples: int = 40) -> list[str]:
-    """Lines with stamps of ISO 8601."""
     return lines(samples, decimal=".", form=ISO)
 
 
 def named(*rows: str) -> str:
-    """Text of rows under the names of their columns."""
     return "\n".join([";".join(NAMES), *rows, ""])
 
 

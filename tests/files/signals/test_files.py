@@ -42,7 +42,6 @@ def quantised_recordings(draw: st.DrawFn) -> Recording:
 
 
 def same(left: Recording, right: Recording) -> bool:
-    """Whether two recordings agree in every bit."""
     return (
         np.array_equal(left.time, right.time)
         and left.signals.keys() == right.signals.keys()

@@ -77,7 +77,6 @@ def test_samples_marked_invalid_are_not_available(tmp_path: Path) -> None:
 
 
 def lift(values: NDArray[np.float64]) -> list[Signal]:
-    """The channels with other values of the lift."""
     rail, _, line = channels(UNITS)
     return [rail, Signal(values, TIME, name="needle_lift", unit="mm"), line]
 

@@ -64,7 +64,6 @@ def test_byte_order_mark_crlf_and_blank_last_lines(tmp_path: Path) -> None:
 
 
 def with_row(number: int, row: str) -> str:
-    """A good file but for one row."""
     lines = rows()
     lines[number] = row
     return "\n".join([HEADER, *lines])

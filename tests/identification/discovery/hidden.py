@@ -35,7 +35,6 @@ def recordings(
 
 
 def statistic_of(likelihood: JointLikelihood, *effects: SizedEffect, model: EffectiveModel = MODEL) -> float:
-    """-2 log L of a model with effects."""
     for effect in effects:
         model = effect.effect.apply(model, effect.values)
     residuals = likelihood.residuals(model)

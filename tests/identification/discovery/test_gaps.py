@@ -70,7 +70,6 @@ def test_wear_shows_while_the_needle_is_open(worn: Worn) -> None:
 
 
 def disagreed(measured: tuple[Measurement, ...]) -> tuple[Verdict, tuple[Disagreement, ...]]:
-    """The verdict, and where the model as given and the measurement disagree."""
     discovery = name_effects(MODEL, measured, workers=2)
     return discovery.verdict, disagreements(discovery, discovery.named, joint_likelihood(measured, MODEL), MODEL)
 

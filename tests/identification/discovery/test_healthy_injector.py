@@ -28,7 +28,6 @@ def _discover(*effects: SizedEffect, healthy: Healthy = NOT_FITTED) -> Discovery
 
 @pytest.fixture(scope="module")
 def healthy() -> Healthy:
-    """Measured on recordings of the healthy injector."""
     return healthy_baseline(MODEL, measurements(recordings((OWN,), points=POINTS)), workers=2)[0]
 
 

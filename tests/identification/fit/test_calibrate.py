@@ -63,7 +63,6 @@ def _deviations(done: CalibrationResult, true: InjectorParameters) -> dict[str, 
 
 
 def _mass_error(injector: InjectorParameters) -> float:
-    """Share of the mass, at an operating point that was not fitted, beside the truth."""
     (measured,), (simulation,) = _measured(UNSEEN), UNSEEN
     density = injector.fluid.density_nozzle
     modelled = sum(mass(measured, one, density) for one in simulated(measured, effective_model(injector)))

@@ -49,7 +49,6 @@ CASES = {
 
 
 def fitter(hidden: HiddenCase, jitter: float = 8 * US) -> Fitter:
-    """Four operating points, two injections each."""
     made = []
     for number, (pressure, duration) in enumerate(product((60e6, 140e6), (0.6e-3, 1.9e-3))):
         shots = np.random.default_rng(number).uniform(0.0, 10 * US, 2)

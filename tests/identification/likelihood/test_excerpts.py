@@ -39,7 +39,6 @@ def joined(*parts: Recording) -> Recording:
 
 
 def windows(measurement: Measurement) -> list[bytes]:
-    """The lift of every event, as it was recorded."""
     lift = measurement.recording.needle_lift
     return [lift[event.start : event.end].tobytes() for event in measurement.events]
 

@@ -42,7 +42,6 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
 
 
 def moments(seed: int, count: int = 40) -> dict[str, Floats]:
-    """Values (n,) of every variable."""
     random, boxes = np.random.default_rng(seed), TermDomain(0.24).boxes(Variable)
     low, high = boxes[..., random.integers(0, boxes.shape[2], count)].swapaxes(0, 1)
     shares = np.where(

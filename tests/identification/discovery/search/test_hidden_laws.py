@@ -36,7 +36,6 @@ NUMBER = r"\d+\.?\d*"
 
 
 def recorded(change: Change, injections: int = INJECTIONS) -> list[Recording]:
-    """Recordings of a bench that is changed."""
     made = []
     for number, (pressure, duration) in enumerate(POINTS):
         shots = np.random.default_rng(number).uniform(0.0, 1e-5, injections)  # s, anywhere between samples
@@ -47,7 +46,6 @@ def recorded(change: Change, injections: int = INJECTIONS) -> list[Recording]:
 
 
 def found_in(change: Change, injections: int = INJECTIONS) -> tuple[Term, ...]:
-    """The terms found in them."""
     nominal = effective_model(NOMINAL)
     fits = Fitter(joint_likelihood(measurements(recorded(change, injections)), nominal), nominal, workers=2)
     outcome = Search(fits, ()).run()

@@ -15,7 +15,6 @@ SPEED = "min(max(lift_rate, -0.5), 0.5)"
 
 
 def all_tables(law: str) -> list[TermLaw]:
-    """Tables near the curves that gain most, the best first."""
     score = scoring(measured(law))
     every = [Curve(equation, *one) for equation, curves in CURVES.items() for one in curves]
     return [one.apply for one in tables(free_curves(every, score), score) if isinstance(one.apply, TermLaw)]

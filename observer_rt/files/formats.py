@@ -70,7 +70,7 @@ LOGS_WRITTEN = suffixes_of(kind for kind in LOGS if kind.writer is not None)
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file holds CAN frames, by suffix, else content. Raises `UserError` if unknown, lacking or damaged."""
+    """Whether a file holds CAN frames, by suffix, else content. Raises `UserError` if unknown, missing or damaged."""
     _check_suffix(path, SUFFIXES)
     log = next((kind for kind in LOGS if kind.suffix == path.suffix.lower()), None)
     if log is None or log.recognises is None:

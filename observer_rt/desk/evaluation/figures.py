@@ -291,7 +291,7 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
 
 
 def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int] = ()) -> list[Picture]:
-    """Masses and wear of all injections, curves of those chosen, else of three. Raises `UserError` for no number."""
+    """Masses and wear of all injections, curves of those chosen, else three. Raises `UserError` for unknown ones."""
     numbers = {injection.number for evaluation in evaluations for injection in evaluation.injections}
     shown = numbers_shown(chosen, numbers)
     return [_picture_of(evaluation, shown) for evaluation in evaluations]

@@ -156,7 +156,7 @@ def evaluate_runs(
 def starting_knowledge(
     location: str, path: Path | None, parameters: InjectorParameters, tell: Callable[[str], None]
 ) -> Knowledge | None:
-    """Learned state that a user names, if any. Raises `UserError` at `location` if it lacks or is another model's."""
+    """Learned state that a user names, if any. Raises `UserError` at `location` if missing or of another model."""
     if path is not None and not path.exists():
         raise UserError(f"{location} {path}", "no such file", "correct the path, or leave it out")
     return restored_knowledge(path, parameters, tell, set_aside=False)

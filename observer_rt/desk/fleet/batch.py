@@ -91,7 +91,7 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
 
 @contextmanager
 def dask_client(address: str | None, workers: int | None) -> Iterator[Any]:
-    """A `distributed.Client` of a scheduler's workers, else of own ones. Raises `RunError` for no scheduler."""
+    """A `distributed.Client` of a scheduler, else of workers here. Raises `RunError` if that is not reached."""
     import dask
     from distributed import Client, LocalCluster
 

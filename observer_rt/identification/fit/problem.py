@@ -159,7 +159,7 @@ class Calibration:
     def residuals(self, theta: Floats) -> Residuals | None:
         """Line pressure, rate and masses of every fold, then theta beside its prior; None without a solution.
 
-        The pressure counts by means of innovations: cells carry short waves unlike a pipe, to the level's cost.
+        The pressure counts by means of innovations: cells carry short waves unlike a pipe, at the level's cost.
         """
         judged = self.judge_all(theta)
         if judged is None:

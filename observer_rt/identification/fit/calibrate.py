@@ -15,7 +15,16 @@ from observer_rt.foundation.units import Floats
 from observer_rt.identification.fit import search
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.comparison import Comparison, compared
-from observer_rt.identification.fit.forms import INERTANCE, NEEDLE, NOZZLE, STRUCTURES, FreeParameter, Structure
+from observer_rt.identification.fit.forms import (
+    INERTANCE,
+    NEEDLE,
+    NOZZLE,
+    STRUCTURES,
+    FittedNumber,
+    FreeParameter,
+    Structure,
+    sizes_of,
+)
 from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import GROUPS_OF_FOLD, Calibration, Fold, by_meter, folds_of, thinned
 from observer_rt.identification.fit.structures import Choice, choose, tried_structures
@@ -45,17 +54,6 @@ class LevelSource(StrEnum):
     MASS = "measured_mass"
 
 
-@dataclass(frozen=True)
-class FittedNumber:
-    """A parameter with its 95 % interval, in its printed unit. file: what the file had, None: nothing."""
-
-    symbol: str
-    value: float
-    ci95: tuple[float, float]
-    file: float | None
-    unit: str
-
-
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
     """Result of a fit."""
@@ -81,14 +79,8 @@ class CalibrationResult:
     @property
     def sizes(self) -> dict[str, FittedNumber]:
         """The fitted parameters by name."""
-        sizes = {}
-        for parameter, sigma in zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True):
-            value, before = parameter.of(self.injector), parameter.stated(self.file)
-            low, high = parameter.interval(value, float(sigma))
-            file = None if before is None else before / parameter.si
-            ci95 = (low / parameter.si, high / parameter.si)
-            sizes[parameter.name] = FittedNumber(parameter.symbol, value / parameter.si, ci95, file, parameter.unit)
-        return sizes
+        fitted = self.fitted
+        return sizes_of(fitted.calibration.free, fitted.certainty.sigmas, self.file, self.injector)
 
     @property
     def above_limit(self) -> tuple[Phase, ...]:

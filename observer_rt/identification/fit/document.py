@@ -12,6 +12,7 @@ from observer_rt.foundation.documents import Document, DocumentPart, Number
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.fit import calibrate
 from observer_rt.identification.fit.comparison import RecordingMass, Residual
+from observer_rt.identification.fit.forms import FittedNumber
 from observer_rt.identification.fit.search import FailedStructure
 from observer_rt.identification.fit.structures import Trial, judged_by
 from observer_rt.model.baseline import Baseline
@@ -43,7 +44,7 @@ class FitDocument(Document):
     )
     structure: dict[str, str] = Field(description="the one chosen, and why")
     structures: tuple[TriedStructure, ...]
-    parameters: dict[str, calibrate.FittedNumber]
+    parameters: dict[str, FittedNumber]
     kept: dict[str, dict[str, float | str]] = Field(description="left to the file: value, unit")
     level: dict[str, str] = Field(description="what the absolute level of flow rests on")
     residuals: tuple[Residual, ...]

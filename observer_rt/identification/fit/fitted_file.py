@@ -1,6 +1,6 @@
 """The injector file of a fit: its fitted numbers, and the section [baseline] on the healthy injector."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,14 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.calibrate import CalibrationResult
 from observer_rt.identification.fit.comparison import pooled
+from observer_rt.identification.fit.forms import FreeParameter
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.events import rail_pressure_before
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
 from observer_rt.model.effects import effective_model, seen_in
+from observer_rt.model.parameters import InjectorParameters
 
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
@@ -41,9 +43,7 @@ def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseli
                 section.pop(key, None)
             elif value != getattr(before, key) or key in section:
                 section[key] = value
-        for parameter in done.fitted.calibration.free:
-            value = parameter.of(injector)
-            content[parameter.section][parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
+        set_numbers(content, done.fitted.calibration.free, injector)
         if done.measurements[0].is_answered:
             content["needle"] = section_of({key: rounded(value) for key, value in dict(injector.needle).items()})
         if (share := done.level_share) is not None:
@@ -51,6 +51,13 @@ def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseli
             content["accuracy"] = {"fuel_density_percent": density, "mass_percent": rounded(100.0 * share)}
         content.pop(BASELINE, None)
         content[BASELINE] = section_of(baseline.model_dump(mode="json", exclude_none=True))
+
+
+def set_numbers(content: Any, free: Iterable[FreeParameter], injector: InjectorParameters) -> None:
+    """Sets the numbers of free parameters in the content of an injector file to those of an injector."""
+    for parameter in free:
+        value = parameter.of(injector)
+        content[parameter.section][parameter.key] = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
 
 
 def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:

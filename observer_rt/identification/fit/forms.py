@@ -71,6 +71,17 @@ class FreeParameter:
 
 
 @dataclass(frozen=True)
+class FittedNumber:
+    """A parameter with its 95 % interval, in its printed unit. file: what the file had, None: nothing."""
+
+    symbol: str
+    value: float
+    ci95: tuple[float, float]
+    file: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
 class EffectSize(FreeParameter):
     """Size of an effect of the vocabulary beside those in force, on a linear scale of its dead zones."""
 
@@ -212,3 +223,18 @@ def with_values(injector: InjectorParameters, free: Sequence[FreeParameter], val
 def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> Floats:
     """Values (p,) [SI] of the free parameters of an injector."""
     return np.array([parameter.of(injector) for parameter in free])
+
+
+def sizes_of(
+    free: Sequence[FreeParameter], sigmas: Floats, before: InjectorParameters, after: InjectorParameters
+) -> dict[str, FittedNumber]:
+    """Fitted numbers of free parameters by name; sigmas (p,) on the parameters' scales."""
+    sizes = {}
+    for parameter, sigma in zip(free, sigmas.tolist(), strict=True):
+        value, stated, si = parameter.of(after), parameter.stated(before), parameter.si
+        low, high = parameter.interval(value, sigma)
+        file = None if stated is None else stated / si
+        sizes[parameter.name] = FittedNumber(
+            parameter.symbol, value / si, (low / si, high / si), file, parameter.unit
+        )
+    return sizes

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from rich.console import Console
+from rich.table import Table
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.console import plain_table, say
@@ -17,6 +18,7 @@ from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, Noteboo
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND, Z_95
 from observer_rt.identification.fit.calibrate import CalibrationResult
 from observer_rt.identification.fit.document import FitDocument, verdict_words
+from observer_rt.identification.fit.forms import FittedNumber
 from observer_rt.identification.fit.problem import spread
 from observer_rt.identification.likelihood.events import open_time, rail_pressure_before
 from observer_rt.identification.likelihood.excerpts import point_name
@@ -49,18 +51,7 @@ def print_fit(fit: FitDocument, console: Console) -> None:
             say(console, f"not fitted: {structure.name}: it {structure.failed}")
     say(console, f"chosen: {fit.structure['reason']}\n")
     say(console, "parameters")
-    parameters = [
-        (
-            name,
-            size.symbol,
-            "" if size.file is None else f"{size.file:.5g}",
-            f"{size.value:.5g}",
-            *("{:.5g} .. {:.5g}".format(*size.ci95), size.unit),
-        )
-        for name, size in fit.parameters.items()
-    ]
-    names = ("parameter", "", "file", "fitted", "95 % interval", "unit")
-    console.print(plain_table(names, parameters, right=(2, 3, 4), folds=()))
+    console.print(parameter_table(fit.parameters))
     for name, kept in fit.kept.items():
         value = f"{kept['value']:.4g} {kept['unit']}"
         say(console, f"{name} stays {value}: these recordings do not determine it")
@@ -80,6 +71,22 @@ def print_fit(fit: FitDocument, console: Console) -> None:
         say(console, line)
     say(console, f"\nabsolute level: {fit.level['words']}")
     say(console, f"verdict: {fit.verdict_words}")
+
+
+def parameter_table(parameters: Mapping[str, FittedNumber]) -> Table:
+    """Fitted numbers before and after, with their intervals."""
+    rows = [
+        (
+            name,
+            size.symbol,
+            "" if size.file is None else f"{size.file:.5g}",
+            f"{size.value:.5g}",
+            *("{:.5g} .. {:.5g}".format(*size.ci95), size.unit),
+        )
+        for name, size in parameters.items()
+    ]
+    names = ("parameter", "", "file", "fitted", "95 % interval", "unit")
+    return plain_table(names, rows, right=(2, 3, 4), folds=())
 
 
 def _weighed(fit: FitDocument) -> Iterator[tuple[str, ...]]:

@@ -142,6 +142,8 @@ class Needle(Section):
     closing_speed: Annotated[Positive, UnitName("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.3
     landing_bounce: Annotated[NonNegative, UnitName("m")] = 0.0  # to which it lifts once more ..
     bounce_length: Annotated[Positive, UnitName("s")] = 0.09e-3  # .. from landing on
+    # n: the opening delay goes as (rail pressure / 100 MPa)^-n
+    delay_exponent: Annotated[float, Field(ge=-2, le=2)] = 0.0
 
 
 class EffectValue(Section):

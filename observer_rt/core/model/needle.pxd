@@ -31,6 +31,7 @@ cdef struct NeedleLaw:
     double closing_speed
     double landing_bounce  # m, to which it lifts once more, by half a sine ..
     double bounce_length  # s, .. of this length
+    double delay_exponent  # n: the opening delay goes as (rail pressure / 100 MPa)^-n
     double stop  # m
 
 
@@ -55,7 +56,7 @@ cdef inline bint answers(
 
     learned (NEEDLE_NUMBERS,): in s, natural logarithms, m, s and shares.
     """
-    s.opening = start + needle.opening_delay + learned[OPENING_DELAY]
+    s.opening = start + needle.opening_delay * pow(pressure, -needle.delay_exponent) + learned[OPENING_DELAY]
     s.closing = start + length + needle.closing_delay + learned[CLOSING_DELAY]
     s.opening_speed = needle.opening_speed * pow(pressure, OPENING_EXPONENT) * exp(learned[OPENING_SPEED])
     s.closing_speed = needle.closing_speed * pow(pressure, CLOSING_EXPONENT) * exp(learned[CLOSING_SPEED])

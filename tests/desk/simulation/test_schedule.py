@@ -142,6 +142,15 @@ def test_full_stroke_keeps_delays_and_speeds(rail_pressure: float) -> None:
     assert s.closed - s.closing == pytest.approx(fall, rel=1e-9)
 
 
+@pytest.mark.parametrize("rail_pressure", [40e6, 100e6, 160e6])
+def test_an_opening_delay_that_falls_with_the_pressure(rail_pressure: float) -> None:
+    changed = NOMINAL.needle.model_copy(update={"delay_exponent": 0.3})
+    s = stroke(Shot(1.9e-3), START, rail_pressure, NOMINAL.model_copy(update={"needle": changed}))
+    assert s is not None
+    assert s.opening == pytest.approx(START + 0.32e-3 * (rail_pressure / 100e6) ** -0.3, abs=1e-12)
+    assert s.closing == placed(1.9e-3, rail_pressure).closing
+
+
 def test_ballistic_stroke_turns_before_the_stop() -> None:
     s = placed(0.25e-3)
     rise = 0.25e-3 + 0.27e-3 - 0.32e-3

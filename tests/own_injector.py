@@ -13,7 +13,8 @@ PRINT_BENCH = "observer-rt run --print-example-bench > bench.toml"
 
 def write_files(folder: Path) -> None:
     shutil.copy(ROOT / "docs/own-injector/plant.toml", folder)
-    (folder / "masses.csv").write_text(PAGE.fenced("csv")[0])
+    for name, text in zip(("masses.csv", "map.csv"), PAGE.fenced("csv"), strict=True):
+        (folder / name).write_text(text)
 
 
 def change_bench(path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from observer_rt.desk.injection_map.map_report import MapDocument
 from observer_rt.identification.discovery import findings
 from observer_rt.identification.fit.document import FitDocument
 
@@ -14,6 +15,7 @@ FINDINGS = {"description": "Findings of `observer-rt discover`."}  # of which a 
 SCHEMAS = {
     "findings": VERSION | findings.adapter().json_schema(mode="serialization") | FINDINGS,
     "fit": VERSION | FitDocument.model_json_schema(),
+    "map": VERSION | MapDocument.model_json_schema(),
 }
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.optimize import least_squares
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.desk.injection_map.map_fit import fit_map, masses_of
+from observer_rt.desk.injection_map.mass_map import MassMap
 from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, save_figure
@@ -36,52 +37,40 @@ def shots(durations, masses):
 identified = shots((0.4, 0.9, 3.0), (3.006, 7.528, 26.680, 3.911, 10.167, 38.909, 4.234, 12.493, 50.008))
 compared = shots((0.35, 1.5, 5.0), (1.735, 12.946, 47.383, 2.707, 18.361, 68.865, 3.118, 22.792, 86.907))
 nominal = load_injector(NOMINAL_INJECTOR)
+geometry = {
+    "fluid": {"density_line": 740.0, "density_nozzle": 740.0, "bulk_modulus_line": 1.1e9, "bulk_modulus_sac": 1.1e9},
+    "line": {"length": 0.3, "diameter": 3e-3, "volume": 2.1e-6, "loss_factor": 200.0},
+    "seat": {"diameter": 2e-3, "max_lift": 0.07e-3},
+    "nozzle": {"holes": 6, "hole_diameter": 0.165e-3, "sac_volume": 2e-9, "flow_coefficient": 0.73},
+    "chamber": {"pressure": 1e6},
+    "needle": {"opening_delay": 0.4e-3, "opening_speed": 1.5, "closing_delay": 0.2e-3, "closing_speed": 0.5},
+}
+sections = {name: getattr(nominal, name).model_copy(update=change) for name, change in geometry.items()}
+start = nominal.model_copy(update={"line_outflow": "seat", **sections})
 
 
-def injector_of(theta):
-    """Injector of nozzle coefficient, back pressure [MPa], delays [ms] and speeds [m/s] of opening and closing."""
-    coefficient, pressure, opens, closes, rising, falling = theta
-    changes = {
-        "fluid": {
-            "density_line": 740.0,
-            "density_nozzle": 740.0,
-            "bulk_modulus_line": 1.1e9,
-            "bulk_modulus_sac": 1.1e9,
-        },
-        "line": {"length": 0.3, "diameter": 3e-3, "volume": 2.1e-6, "loss_factor": 200.0},
-        "seat": {"diameter": 2e-3, "max_lift": 0.07e-3},
-        "nozzle": {"holes": 6, "hole_diameter": 0.165e-3, "sac_volume": 2e-9, "flow_coefficient": coefficient},
-        "chamber": {"pressure": pressure * 1e6},
-        "needle": {
-            "opening_delay": opens * 1e-3,
-            "opening_speed": rising,
-            "closing_delay": closes * 1e-3,
-            "closing_speed": falling,
-        },
-    }
-    sections = {name: getattr(nominal, name).model_copy(update=change) for name, change in changes.items()}
-    return nominal.model_copy(update={"line_outflow": "seat", **sections})
+def map_of(points):
+    """Map of points: rail pressure [MPa], energizing time [ms], mass [mg]; known to 2 %."""
+    pressure, energizing, mass = points.T * np.array([[1e6], [1e-3], [1e-6]])
+    return MassMap(pressure, energizing, mass, 0.02 * mass)
 
 
-def errors(theta, points):
-    """Modelled over measured masses, minus 1, of points: rail pressure, energizing time, mass."""
-    injector = injector_of(theta)
-    rates = (rate_of(injector, pressure, energizing) for pressure, energizing, _ in points)
-    return np.array([np.trapezoid(rate, time) * 1e6 for time, rate in rates]) / points[:, 2] - 1
+def errors(injector, points):
+    """Modelled over measured masses of points, minus 1."""
+    return masses_of(injector, map_of(points)) / map_of(points).mass - 1
 
 
-start, scale = (0.73, 1.0, 0.4, 0.2, 1.5, 0.5), (0.1, 0.5, 0.1, 0.1, 0.5, 0.2)
-bounds = (0.3, 0.0, 0.02, 0.02, 0.05, 0.05), (1.0, 8.0, 0.6, 0.9, 3.0, 3.0)
-found = least_squares(errors, start, bounds=bounds, x_scale=scale, diff_step=1e-3, max_nfev=12, args=[identified]).x
-print("coefficient {:.2f}, {:.1f} MPa behind it; needle {:.2f} and {:.2f} ms, {:.1f} and {:.1f} m/s".format(*found))
-for (pressure, energizing, mass), error in zip(compared, errors(found, compared), strict=True):
+done = fit_map(start, map_of(identified), lambda share: None)
+for name, size in {**done.sizes, "closing less opening delay": done.delay_difference}.items():
+    print(f"{name} {size.value:.4g}, {size.ci95[0]:.4g} to {size.ci95[1]:.4g} {size.unit}")
+for (pressure, energizing, mass), error in zip(compared, errors(done.injector, compared), strict=True):
     print(f"{pressure:.0f} MPa, {energizing:.2f} ms: {mass:4.1f} mg measured, model {error:+.0%}")
 
 table = Path("gdi_masses.csv")
 points = np.loadtxt(table, delimiter=",", skiprows=1) if table.exists() else np.vstack((identified, compared))
 others = points[~np.isin(points[:, 1], identified[:, 1])]
-off = errors(found, others)
-for first, last in ((0.2, 0.39), (0.4, 2.5), (2.6, 5.0)):
+off = errors(done.injector, others)
+for first, last in ((0.2, 0.39), (0.4, 3.0), (3.1, 5.0)):
     part = abs(off[(others[:, 1] >= first) & (others[:, 1] <= last)])
     print(f"{first} to {last} ms: {part.size}, within 4 % {(part < 0.04).sum()}, within 10 % {(part < 0.1).sum()}")
 figure = Figure(figsize=(7, 3.2), layout="constrained")

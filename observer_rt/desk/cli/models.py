@@ -16,24 +16,32 @@ from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
 from observer_rt.foundation.options import Argument, Decoder, Force, FromChannel, Injector, Json, Option
 from observer_rt.foundation.outputs import FIGURE_SUFFIXES, check_output, make_folder
+from observer_rt.model.parameters import InjectorParameters
 
 
 def fit(
-    recordings: Recordings,
     model: Annotated[Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")],
     output: Annotated[Path, Option("Fitted injector file to write.")],
+    recordings: Recordings = (),
+    map: Annotated[
+        Path | None,
+        Option(
+            "Instead of recordings: masses by rail pressure and energizing time (CSV: "
+            "rail_pressure_MPa,energizing_ms,mass_mg[,sigma_mg][,back_pressure_MPa])."
+        ),
+    ] = None,
     mass: Annotated[
         Path | None,
         Option("Measured mean masses (CSV: recording,mass_mg|rate_file[,sigma_mg]), which fix the absolute level."),
     ] = None,
-    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = None,
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals, or masses.")] = None,
     force: Force = False,
     bench: Decoder = None,
     from_channel: FromChannel = (),
     injector: Injector = None,
     json: Json = False,
 ) -> None:
-    """Calibrate the model, its structure included, to recordings of the healthy injector."""
+    """Calibrate the model, its structure included, to recordings of the healthy injector, or to a map of masses."""
     from observer_rt.desk.evaluation.logged import without_companions
     from observer_rt.desk.identification_inputs import measured_files
     from observer_rt.desk.library.fit import fitted_model, weighed_masses
@@ -44,6 +52,9 @@ def fit(
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
     from observer_rt.identification.likelihood.reading import coverage, hashes, without_copies
 
+    if (map is None) == (not recordings):
+        problem = "is missing" if map is None else "and --map are two sources"
+        raise UserError("RECORDING", problem, "give recordings, or a map of masses by --map")
     decoder = decoder_of(bench, injector, model)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
@@ -51,11 +62,14 @@ def fit(
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
             check_output(name, path, force, suffixes=suffixes)
+    if map is not None:
+        _fit_map(map, start, source, output, plot, json)
+        return
     paths = without_copies(without_companions(recordings, messages), messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
     weighed = weighed_masses(measured, mass, start)
-    for line in (*map(coverage, measured), *(f"warning: {warning}" for warning in warnings(measured))):
+    for line in (*(coverage(of) for of in measured), *(f"warning: {warning}" for warning in warnings(measured))):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
@@ -70,6 +84,31 @@ def fit(
         print(dumps(fitted.document.as_json(), indent=2))
     else:
         print_fit(fitted.document, results())
+    say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
+
+
+def _fit_map(
+    path: Path, start: InjectorParameters, source: InjectorFile, output: Path, plot: Path | None, json: bool
+) -> None:
+    """Calibrate nozzle, back pressure and needle to a map of masses."""
+    from observer_rt.desk.injection_map.map_fit import fit_map
+    from observer_rt.desk.injection_map.map_report import document_of, draw_map_fit, print_map_fit, write_map_fit
+    from observer_rt.desk.injection_map.mass_map import read_map
+
+    of = read_map(path, start.fluid.density_nozzle)
+    with progress_bar(messages, "fitting", 1.0) as progress:
+        try:
+            done = fit_map(start, of, progress)
+        except KeyboardInterrupt:
+            raise InterruptionError("interrupted; nothing was written") from None
+    write_map_fit(output, source, done)
+    if plot is not None:
+        draw_map_fit(plot, done)
+    document = document_of(done)
+    if json:
+        print(dumps(document.as_json(), indent=2))
+    else:
+        print_map_fit(document, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
 
 

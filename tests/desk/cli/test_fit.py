@@ -65,3 +65,29 @@ def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong
     assert {one["phase"] for one in document["residuals"]} == {"standstill", "opening", "open", "closing", "after"}
     assert [one["measured_mass_mg"] for one in document["masses"]] == [None, pytest.approx(144.2)]
     assert all(one["name"].startswith("one lump") for one in document["structures"])  # for a lump explains it all
+
+
+MAP = "p [bar];Pulse [µs];Menge [mm³/Hub]\n600;400;24,0\n600;800;46,5\n1000;400;33,5\n1000;800;59,5\n1400;800;69,0\n"
+
+
+def test_a_map_of_masses_is_fitted_without_a_recording(
+    command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
+) -> None:
+    table, mapped, figure = tmp_path / "map.csv", tmp_path / "mapped.toml", tmp_path / "map.svg"
+    table.write_text(MAP, encoding="utf-8")
+    words = ("fit", "--map", table, "--model", wrong, "--output", mapped)
+    done = command.done(*words, "--plot", figure)
+    assert "5 masses explained to" in done.out
+    assert "masses tell little of" in done.out
+    assert figure.read_text().lstrip().startswith("<?xml")
+    injector = load_injector(mapped)
+    assert injector.baseline is None
+    assert injector.nozzle.flow_coefficient < 0.8
+    document = json.loads(command.done(*words, "--force", "--json").out)
+    coefficient = document["parameters"]["nozzle.flow_coefficient"]["value"]
+    assert injector.nozzle.flow_coefficient == pytest.approx(coefficient, rel=1e-6)  # of seven digits
+    assert [point["mass_mg"] for point in document["points"]] == pytest.approx([19.92, 38.595, 27.805, 49.385, 57.27])
+    assert "two sources" in command.refused("fit", *healthy, *words[1:], "--force")
+    assert "RECORDING: is missing" in command.refused("fit", *words[3:], "--force")
+    table.write_text(MAP.replace("46,5", "x"), encoding="utf-8")
+    assert f"{table}, line 3: 'x' mm3" in command.refused(*words, "--force")

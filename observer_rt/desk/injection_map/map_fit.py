@@ -1,0 +1,210 @@
+"""Fit of nozzle, back pressure and needle to a map of masses, by the package's own simulation of every point.
+
+A mass depends on the needle's delays by their difference at its rail pressure, and on one rail pressure's level by nozzle and back
+pressure together: what the map does not determine stays near the file's number, with an interval that says so.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import count
+
+import numpy as np
+
+from observer_rt.desk.injection_map.mass_map import MassMap
+from observer_rt.desk.simulation.plant import run_plant
+from observer_rt.desk.simulation.schedule import Shot, stroke
+from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, Floats
+from observer_rt.identification.fit.forms import (
+    DELAY_EXPONENT,
+    NEEDLE,
+    NOZZLE,
+    FittedNumber,
+    FreeParameter,
+    sizes_of,
+    values_of,
+    with_values,
+)
+from observer_rt.identification.fit.problem import UNDETERMINED_SHARE
+from observer_rt.identification.likelihood.bounded_fit import (
+    MAX_ITERATIONS,
+    NORMAL_975,
+    Minimum,
+    Range,
+    Residuals,
+    fit,
+)
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
+
+BACK_PRESSURE = FreeParameter("p_C", "chamber", "pressure", "MPa", MEGAPASCAL, 0.0, 30e6, 5e6, 3.0, MEGAPASCAL)
+OTHER_PRESSURE = 1.3  # largest over smallest rail pressure, from which on a map tells of laws of the pressure
+BEFORE, AFTER = 0.2e-3, 0.5e-3  # s that are simulated before energizing, and after the needle has landed
+SAMPLE_RATE = 50e3  # Hz of simulated rates
+CLOSING_STARTS = (1.0, 0.4, 2.0)  # of the file's closing delay, from which fits may begin
+STEP = 1e-3  # of a finite difference, on a parameter's scale
+ROUGH = 8  # iterations before the spread of the map is known
+MAD = 1.4826  # standard deviation of a normal distribution over its median of absolute values
+EXPECTED = 10  # linearisations of a fit, by which its progress is told
+WIDE = 0.6  # standard deviation of logarithms of a needle's numbers, which no recording has shown yet
+OPENING_DELAY, _, CLOSING_DELAY, _ = MOTION = tuple(replace(parameter, spread=WIDE) for parameter in NEEDLE)
+
+
+@dataclass(frozen=True, eq=False)
+class MapFit:
+    """A fit to a map: `file` before it, `injector` after it, masses (n,) [kg] by it, sigmas (p,) of `free`.
+
+    spread: variance of the differences over that of the map, by their median, 1 at least; it is in the covariance.
+    """
+
+    map: MassMap
+    file: InjectorParameters
+    injector: InjectorParameters
+    free: tuple[FreeParameter, ...]
+    masses: Floats
+    covariance: Floats  # (p, p) on the parameters' scales
+    spread: float
+
+    @property
+    def sigmas(self) -> Floats:
+        """Standard deviations (p,) of the numbers on their scales."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def sizes(self) -> dict[str, FittedNumber]:
+        """The fitted numbers by name."""
+        return sizes_of(self.free, self.sigmas, self.file, self.injector)
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Names of numbers that the map by itself tells little of."""
+        pairs = zip(self.free, self.sigmas, strict=True)
+        return tuple(parameter.name for parameter, sigma in pairs if sigma > UNDETERMINED_SHARE * parameter.spread)
+
+    @property
+    def off(self) -> Floats:
+        """Masses (n,) less the measured ones, in standard deviations of the map."""
+        return (self.masses - self.map.mass) / self.map.sigma
+
+    @property
+    def rms(self) -> float:
+        """Share by which masses are off, rms, weighed by the map's standard deviations."""
+        weights = (self.map.mass / self.map.sigma) ** 2
+        return math.sqrt(float(np.sum(self.off**2)) / float(np.sum(weights)))
+
+    @property
+    def written(self) -> tuple[FreeParameter, ...]:
+        """Parameters that its file states anew: the fitted ones, and the map's back pressure."""
+        return self.free if self.map.back_pressure is None else (BACK_PRESSURE, *self.free)
+
+    @property
+    def delay_difference(self) -> FittedNumber:
+        """Closing delay less opening delay at 100 MPa, which masses tell although they hardly tell either."""
+        delays = (CLOSING_DELAY, OPENING_DELAY)
+        closes, opens = values_of(self.injector, delays)
+        slopes = np.zeros(len(self.free))
+        slopes[[self.free.index(delay) for delay in delays]] = closes, -opens  # by logarithms
+        half = NORMAL_975 * math.sqrt(slopes @ self.covariance @ slopes)
+        low, value, high = np.array([-half, 0.0, half]) / MICROSECOND + (closes - opens) / MICROSECOND
+        before = float(np.subtract(*values_of(self.file, delays))) / MICROSECOND
+        return FittedNumber("t_c - t_o", float(value), (float(low), float(high)), before, "us")
+
+
+@dataclass(frozen=True, eq=False)
+class _MapProblem:
+    """Residuals by theta (p,): of the map, and of what the file says of the free parameters."""
+
+    file: InjectorParameters
+    map: MassMap
+    free: tuple[FreeParameter, ...]
+
+    @property
+    def centre(self) -> Floats:
+        """Theta (p,) of the file."""
+        return np.array([one.theta_of(value) for one, value in zip(self.free, self._stated, strict=True)])
+
+    @property
+    def _stated(self) -> Floats:
+        return values_of(self.file, self.free)
+
+    def starts(self) -> Iterator[Floats]:
+        """Theta from which a search may begin."""
+        for factor in CLOSING_STARTS:
+            start = self.centre
+            start[self.free.index(CLOSING_DELAY)] += np.log(factor)
+            yield start
+
+    def injector(self, theta: Floats) -> InjectorParameters:
+        """The injector at theta."""
+        values = [one.value_of(float(place)) for one, place in zip(self.free, theta, strict=True)]
+        return with_values(self.file, self.free, np.array(values))
+
+    def residuals(self, theta: Floats) -> Residuals:
+        """Masses less those of the map, and theta less the file's, in standard deviations."""
+        z = (masses_of(self.injector(theta), self.map) - self.map.mass) / self.map.sigma
+        prior = (theta - self.centre) / np.array([one.spread for one in self.free])
+        return Residuals.of([(z, 0.0), (prior, 0.0)])
+
+    def fitted(self, start: Floats, step: Callable[[], None], most: int = MAX_ITERATIONS) -> Minimum:
+        """The minimum from a start. Raises `RunError` without one."""
+
+        def residuals(theta: Floats) -> Residuals:
+            step()
+            return self.residuals(theta)
+
+        ranges = [
+            Range(one.theta_of(one.lowest), one.theta_of(one.highest), STEP)
+            if not one.linear
+            else Range(one.lowest / one.linear, one.highest / one.linear, STEP)
+            for one in self.free
+        ]
+        minimum = fit(residuals, start, ranges, most)
+        if minimum is None or not np.isfinite(minimum.statistic):
+            raise RunError("the file's injector has no solution", "correct its geometry: observer-rt check --model")
+        return minimum
+
+
+def fit_map(file: InjectorParameters, of: MassMap, progress: Callable[[float], None]) -> MapFit:
+    """Fits an injector file to a map. Raises `RunError` where the file's injector has no solution."""
+    if of.back_pressure is not None:
+        file = with_values(file, [BACK_PRESSURE], np.array([of.back_pressure]))
+    pressures = of.rail_pressure
+    differ = pressures.max() > OTHER_PRESSURE * pressures.min()
+    is_free = differ and of.back_pressure is None
+    free = (NOZZLE, *([BACK_PRESSURE] if is_free else []), *MOTION, *([DELAY_EXPONENT] if differ else []))
+    done = count()
+    most = (len(free) + 2) * EXPECTED
+
+    def step() -> None:
+        progress(min(next(done) / most, 0.99))
+
+    problem = _MapProblem(file, of, free)
+    start = min(problem.starts(), key=lambda theta: problem.residuals(theta).statistic)
+    first = problem.fitted(start, step, ROUGH)
+    left = (masses_of(problem.injector(first.theta), of) - of.mass) / of.sigma
+    freedom = left.size / max(left.size - len(free), 1)
+    spread = max(1.0, freedom * (MAD * float(np.median(np.abs(left)))) ** 2)
+    problem = replace(problem, map=replace(of, sigma=math.sqrt(spread) * of.sigma))
+    best = problem.fitted(first.theta, step)
+    injector = problem.injector(best.theta)
+    covariance = np.asarray(np.linalg.inv(best.at.information), np.float64)
+    return MapFit(of, file, injector, free, masses_of(injector, of), covariance, spread)
+
+
+def masses_of(injector: InjectorParameters, of: MassMap) -> Floats:
+    """Masses (n,) [kg] of an injector at the points of a map."""
+    model = effective_model(injector)
+    points = zip(of.rail_pressure.tolist(), of.energizing.tolist(), strict=True)
+    return np.array([_mass(model, pressure, duration) for pressure, duration in points])
+
+
+def _mass(model: EffectiveModel, rail_pressure: float, energizing: float) -> float:
+    """Mass [kg] of a single shot [s] at a rail pressure [Pa]."""
+    made = stroke(Shot(energizing), BEFORE, rail_pressure, model.injector)
+    if made is None:
+        return 0.0
+    time = np.arange(math.ceil((made.landed + AFTER) * SAMPLE_RATE) + 1) / SAMPLE_RATE
+    truth = run_plant(model, [made], time, np.full(time.size, rail_pressure))
+    return float(truth.injection_rate.sum()) / SAMPLE_RATE * model.injector.fluid.density_nozzle

@@ -3,7 +3,7 @@
 The library, in a notebook or a script (`import observer_rt as ort`):
 
 - `read`: a recording from a file, a DataFrame or arrays
-- `Injector`: a model; `fit`, `evaluate` and `discover` take recordings
+- `Injector`: a model; `fit`, `evaluate` and `discover` take recordings, `fit_map` a table of masses
 - `Observer`: fed sample by sample, in physical units
 - `simulate`: a recording of a healthy or worn injector
 """
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from observer_rt.foundation.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from observer_rt.desk.library.fit import FitResult
+    from observer_rt.desk.library.fit import FitResult, MapResult
     from observer_rt.desk.library.injector import DiscoveryResult as Discovery
     from observer_rt.desk.library.injector import Injector
     from observer_rt.desk.library.notes import ObserverWarning
@@ -29,6 +29,7 @@ __all__ = [
     "EvaluationResult",
     "FitResult",
     "Injector",
+    "MapResult",
     "Observer",
     "ObserverWarning",
     "UserError",
@@ -41,6 +42,7 @@ _PLACES = {
     "EvaluationResult": "desk.library.results.EvaluationResult",
     "FitResult": "desk.library.fit.FitResult",
     "Injector": "desk.library.injector.Injector",
+    "MapResult": "desk.library.fit.MapResult",
     "Observer": "desk.library.observer.SampleObserver",
     "ObserverWarning": "desk.library.notes.ObserverWarning",
     "UserError": "foundation.errors.UserError",

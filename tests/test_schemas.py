@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.desk.injection_map.map_report import MapDocument
+from observer_rt.desk.injection_map.map_document import MapDocument
 from observer_rt.identification.discovery import findings
 from observer_rt.identification.fit.document import FitDocument
 

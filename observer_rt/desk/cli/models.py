@@ -91,8 +91,9 @@ def _fit_map(
     path: Path, start: InjectorParameters, source: InjectorFile, output: Path, plot: Path | None, json: bool
 ) -> None:
     """Calibrate nozzle, back pressure and needle to a map of masses."""
+    from observer_rt.desk.injection_map.map_document import document_of, write_map_fit
     from observer_rt.desk.injection_map.map_fit import fit_map
-    from observer_rt.desk.injection_map.map_report import document_of, draw_map_fit, print_map_fit, write_map_fit
+    from observer_rt.desk.injection_map.map_report import draw_map_fit, print_map_fit
     from observer_rt.desk.injection_map.mass_map import read_map
 
     of = read_map(path, start.fluid.density_nozzle)

@@ -1,7 +1,7 @@
 """Fit of nozzle, back pressure and needle to a map of masses, by the package's own simulation of every point.
 
-A mass depends on the needle's delays by their difference at its rail pressure, and on one rail pressure's level by nozzle and back
-pressure together: what the map does not determine stays near the file's number, with an interval that says so.
+A mass depends on the needle's delays by their difference at its rail pressure, on nozzle and back pressure together:
+what the map does not determine stays near the file's number, with an interval that says so.
 """
 
 import math

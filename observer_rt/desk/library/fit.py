@@ -9,12 +9,14 @@ from typing import Any
 import pandas as pd
 
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
+from observer_rt.desk.injection_map import map_document
+from observer_rt.desk.injection_map.map_fit import MapFit
 from observer_rt.foundation.errors import require
 from observer_rt.foundation.units import Floats
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
-from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, Structure
+from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, FittedNumber, Structure
 from observer_rt.identification.fit.masses import MeanMass, read_masses
 from observer_rt.identification.fit.suitability import refuse_clipped, sensor_gain, standstill, warnings
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
@@ -59,10 +61,7 @@ class FitResult:
     @cached_property
     def parameters(self) -> pd.DataFrame:
         """Parameters fitted, by name: value, 95 % interval, value of the file before, unit, symbol."""
-        sizes = {name: asdict(size) for name, size in self.done.sizes.items()}
-        frame = pd.DataFrame.from_dict(sizes, orient="index")
-        low_high = pd.DataFrame(frame.pop("ci95").tolist(), index=frame.index, columns=["low", "high"])
-        return frame[["symbol", "value"]].join(low_high).join(frame[["file", "unit"]])
+        return _frame_of(self.done.sizes)
 
     @cached_property
     def document(self) -> FitDocument:
@@ -81,6 +80,53 @@ class FitResult:
 
     def _repr_html_(self) -> str:
         return f"<p>{self.verdict}</p>{self.parameters.to_html()}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MapResult:
+    """A fit to a map of masses, as `Injector.fit_map` gives it."""
+
+    done: MapFit
+
+    @property
+    def verdict(self) -> str:
+        """How well the injector explains its map, and where not."""
+        return self.document.verdict_words
+
+    @cached_property
+    def parameters(self) -> pd.DataFrame:
+        """Numbers by name: value, 95 % interval, value of the file before, unit, symbol."""
+        return _frame_of(self.document.parameters)
+
+    @cached_property
+    def points(self) -> pd.DataFrame:
+        """Masses measured and fitted, a row a point."""
+        return pd.DataFrame([point.model_dump() for point in self.document.points])
+
+    @cached_property
+    def document(self) -> map_document.MapDocument:
+        """The document that `observer-rt fit --map --json` writes."""
+        return map_document.document_of(self.done)
+
+    def plot(self) -> Any:
+        """Draw masses, measured and fitted: a matplotlib Figure."""
+        require("matplotlib")
+        from observer_rt.desk.injection_map.map_report import map_figure
+
+        return map_figure(self.done)
+
+    def __repr__(self) -> str:
+        return f"{self.verdict}\n{self.parameters.to_string()}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.verdict}</p>{self.parameters.to_html()}"
+
+
+def _frame_of(numbers: Mapping[str, FittedNumber]) -> pd.DataFrame:
+    """Fitted numbers, a row each."""
+    frame = pd.DataFrame.from_dict({name: asdict(number) for name, number in numbers.items()}, orient="index")
+    low_high = pd.DataFrame(frame.pop("ci95").tolist(), index=frame.index, columns=["low", "high"])
+    return frame[["symbol", "value"]].join(low_high).join(frame[["file", "unit"]])
 
 
 def weighed_masses(

@@ -18,7 +18,10 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import evaluate_runs, look_over, starting_knowledge
-from observer_rt.desk.library.fit import FitResult, fitted_model, weighed_masses
+from observer_rt.desk.injection_map.map_document import write_map_fit
+from observer_rt.desk.injection_map.map_fit import fit_map
+from observer_rt.desk.injection_map.mass_map import read_map
+from observer_rt.desk.library.fit import FitResult, MapResult, fitted_model, weighed_masses
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
@@ -50,12 +53,13 @@ _FITTED = "fitted.toml"
 class Injector:
     """Model of an injector, from an injector file, and the bench it is on. Never changes: `fit` gives another.
 
-    Two injectors of the same files are equal. calibration: set by `fit`; None of an injector that was loaded.
+    Two injectors of the same files are equal. calibration, map_result: set by `fit`, by `fit_map`; else None.
     """
 
     bench: Bench
     file: InjectorFile
     calibration: FitResult | None = field(default=None, compare=False)
+    map_result: MapResult | None = field(default=None, compare=False)
 
     @classmethod
     def load(cls, path: Pathlike | None = None, bench: Pathlike | None = None, injector: str | None = None) -> Self:
@@ -147,6 +151,35 @@ class Injector:
         said = (*notes, *map(coverage, measured), *fitted.warnings)
         return replace(made, calibration=replace(fitted, notes=said))
 
+    def fit_map(self, masses: Pathlike) -> Self:
+        """Fit nozzle, back pressure and needle to a map of masses, without any recording.
+
+        Parameters
+        ----------
+        masses : path
+            Table of rail pressure, energizing time, mass or volume, and where known their uncertainty and the back
+            pressure, with units in the headings.
+
+        Returns
+        -------
+        Injector
+            With the numbers found; its `map_result` says how well they explain the map.
+
+        Raises
+        ------
+        UserError
+            For a table that cannot serve.
+        RunError
+            Where the model has no solution.
+        """
+        of = read_map(path_of("masses", masses), self.parameters.fluid.density_nozzle)
+        with progress_bar(screen, "fitting", 1.0) as progress:
+            done = fit_map(self.parameters, of, progress)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / _FITTED
+            write_map_fit(path, self.file, done)
+            return replace(self._with_file(path), map_result=MapResult(done))
+
     def evaluate(
         self, recordings: Recordings, state: Pathlike | None = None, chain: bool = False, learn: bool = True
     ) -> EvaluationResult:
@@ -233,7 +266,7 @@ class Injector:
     def _with_file(self, path: Path) -> Self:
         """The injector of another file, on this bench."""
         bench = self.bench.with_parameters(load_injector(path))
-        return replace(self, bench=bench, file=InjectorFile.read(path), calibration=None)
+        return replace(self, bench=bench, file=InjectorFile.read(path), calibration=None, map_result=None)
 
     def _measured(
         self, sources: Sequence[SignalStream], notes: CallNotes, most: int = MOST_SAMPLES

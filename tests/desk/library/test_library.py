@@ -304,3 +304,17 @@ def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> N
     again = pickle.loads(pickle.dumps(fitted))
     assert (again, repr(again.calibration)) == (fitted, repr(fitted.calibration))
     assert fitted.evaluate(recordings[0], chain=True).valid_share > 0
+
+
+def test_a_map_of_masses_gives_an_injector(tmp_path: Path) -> None:
+    table = tmp_path / "map.csv"
+    table.write_text("p_MPa,et_ms,mass_mg\n60,0.4,20\n60,0.8,38.4\n100,0.4,27.7\n100,0.8,49.6\n140,0.8,57.1\n")
+    mapped = ort.Injector.load().fit_map(table)
+    fit = mapped.map_result
+    assert fit is not None
+    assert mapped.calibration is None
+    value = fit.parameters.value["nozzle.flow_coefficient"]
+    assert mapped.parameters.nozzle.flow_coefficient == pytest.approx(value, rel=1e-6)  # of seven digits
+    np.testing.assert_allclose(fit.points.fitted_mg, fit.points.mass_mg, rtol=0.03)
+    assert "5 masses explained" in repr(fit)
+    assert len(fit.plot().axes) == 2

@@ -17,7 +17,7 @@ from observer_rt.identification.fit.calibrate import CalibrationResult, calibrat
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
 from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, FittedNumber, Structure
-from observer_rt.identification.fit.masses import MeanMass, read_masses
+from observer_rt.identification.fit.masses import WeighedMass, read_masses
 from observer_rt.identification.fit.suitability import refuse_clipped, sensor_gain, standstill, warnings
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
@@ -131,7 +131,7 @@ def _frame_of(numbers: Mapping[str, FittedNumber]) -> pd.DataFrame:
 
 def weighed_masses(
     measured: Sequence[Measurement], masses: Path | None, injector: InjectorParameters
-) -> Mapping[int, MeanMass]:
+) -> Mapping[int, WeighedMass]:
     """Measured masses by the number of the recording; masses: their file, None: none were measured.
 
     Raises `UserError` for it, and for recordings that no model can be fitted to.
@@ -144,7 +144,7 @@ def weighed_masses(
 def fitted_model(
     start: InjectorParameters,
     measurements: Sequence[Measurement],
-    weighed: Mapping[int, MeanMass],
+    weighed: Mapping[int, WeighedMass],
     digests: dict[str, str],
     progress: Callable[[float], None],
     calibration: StatedAccuracy,
@@ -183,7 +183,7 @@ def fitted_model(
 def _with_needle(
     start: InjectorParameters,
     measurements: Sequence[Measurement],
-    weighed: Mapping[int, MeanMass],
+    weighed: Mapping[int, WeighedMass],
     progress: Callable[[float], None],
 ) -> CalibrationResult:
     """Calibrate where no lift was measured: in turn line and needle together, and the delays of single shots by them.

@@ -25,7 +25,7 @@ from observer_rt.identification.fit.forms import (
     Structure,
     sizes_of,
 )
-from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.masses import WeighedMass
 from observer_rt.identification.fit.problem import GROUPS_OF_FOLD, Calibration, Fold, by_meter, folds_of, thinned
 from observer_rt.identification.fit.structures import Choice, choose, tried_structures
 from observer_rt.identification.fit.suitability import share_between_samples
@@ -147,7 +147,7 @@ class CalibrationResult:
 def calibrate(
     file: InjectorParameters,
     recordings: Sequence[Measurement],
-    weighed: Mapping[int, MeanMass],
+    weighed: Mapping[int, WeighedMass],
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> CalibrationResult:

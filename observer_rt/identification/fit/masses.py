@@ -36,25 +36,25 @@ _HEADED = (
 )
 
 
-class MeanMass(NamedTuple):
+class WeighedMass(NamedTuple):
     """Mean mass of a recording's injections, and its standard deviation [kg]."""
 
     mass: float
     sigma: float
 
-    def by(self, level: float) -> "MeanMass":
+    def by(self, level: float) -> "WeighedMass":
         """The mass in units that are `level` times as large."""
-        return MeanMass(self.mass / level, self.sigma / level)
+        return WeighedMass(self.mass / level, self.sigma / level)
 
 
-def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -> dict[int, MeanMass]:
+def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -> dict[int, WeighedMass]:
     """Measured masses by the number of the recording; density of the fuel [kg/m3]. Raises `UserError` with the line.
 
     CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one) or `rate_file` (table of a
     rate meter whose integral that mean is, by its path from this file), perhaps `sigma_mg` or `sigma_percent` (else
     0.5 %) and `names` (of the meter's columns, with units, where its table has none).
     """
-    masses: dict[int, MeanMass] = {}
+    masses: dict[int, WeighedMass] = {}
     for location, row in _rows(path):
         number = _recording(location, row[RECORDING], recordings)
         if number in masses:
@@ -95,7 +95,7 @@ def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> i
     return numbers[0]
 
 
-def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: float) -> MeanMass:
+def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: float) -> WeighedMass:
     """Mass of a row, or of the rate meter's table that it names by the path from a folder."""
     if MASS in row:
         mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
@@ -106,7 +106,7 @@ def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: flo
     if text := row.get(PERCENT):
         share = 0.01 * _number(f"{location}, {PERCENT}", text, 100.0, "%")
     sigma = _number(f"{location}, {SIGMA}", text, mass) if (text := row.get(SIGMA)) else share * mass
-    return MeanMass(mass * MILLIGRAM, sigma * MILLIGRAM)
+    return WeighedMass(mass * MILLIGRAM, sigma * MILLIGRAM)
 
 
 def _number(location: str, text: str, highest: float, unit: str = "mg") -> float:

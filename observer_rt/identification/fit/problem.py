@@ -10,7 +10,7 @@ import numpy as np
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import MEGAPASCAL, Floats
 from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with_values
-from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.masses import WeighedMass
 from observer_rt.identification.fit.suitability import standstill
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals, sigmas_of
 from observer_rt.identification.likelihood.excerpts import events_by_point
@@ -38,7 +38,7 @@ class Fold:
     measurement: Measurement  # with shortened events
     recording: int  # its number
     weights: Floats  # (events,) number of injections for which each event stands
-    weighed: MeanMass | None = None  # None: not measured
+    weighed: WeighedMass | None = None  # None: not measured
     rate_shape: bool = False  # whether a measured rate counts sample by sample, and not by its integrals alone
     tempering: float = 1.0  # mean square of what pressures leave, over noise, which makes a mass count for more
 
@@ -50,7 +50,7 @@ class Fold:
         return np.array([(mean - self.weighed.mass) / self.weighed.sigma]) * math.sqrt(self.tempering)
 
 
-def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass]) -> tuple[Fold, ...]:
+def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, WeighedMass]) -> tuple[Fold, ...]:
     """Every recording as a fold; a single one without measured mass is divided by operating points, or halved."""
     short = []
     for recording in recordings:

@@ -20,7 +20,7 @@ from observer_rt.identification.fit.forms import (
     Structure,
     with_values,
 )
-from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.masses import WeighedMass
 from observer_rt.identification.fit.problem import Calibration, certainty, folds_of
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
@@ -47,7 +47,10 @@ def _measured(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
 
 
 def _fit(
-    measured: Sequence[Measurement], file: InjectorParameters, among: Sequence[Structure] = LUMPS, **weighed: MeanMass
+    measured: Sequence[Measurement],
+    file: InjectorParameters,
+    among: Sequence[Structure] = LUMPS,
+    **weighed: WeighedMass,
 ) -> CalibrationResult:
     by_number = {int(name[1:]): one for name, one in weighed.items()}
     return calibrate(file, measured, by_number, lambda _: None, among)
@@ -223,7 +226,7 @@ def test_a_rate_of_a_meter_with_dynamics_gives_the_level_by_its_integral(lags: S
 def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
     true = MILLIGRAM * float(_fit(_measured(made), NOMINAL).comparison.masses(1.0)[0].mass_mg["fitted"] or 0.0)
-    done = _fit(_measured(made), _wrong_inertance(), n0=MeanMass(true, 0.003 * true))
+    done = _fit(_measured(made), _wrong_inertance(), n0=WeighedMass(true, 0.003 * true))
     assert done.level_source is LevelSource.MASS
     assert abs(_mass_error(done.injector)) < 0.005
 

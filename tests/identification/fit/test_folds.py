@@ -21,7 +21,7 @@ from observer_rt.identification.fit import suitability
 from observer_rt.identification.fit.calibrate import calibrate
 from observer_rt.identification.fit.document import oddities
 from observer_rt.identification.fit.fitted_file import baseline_of, write_fitted
-from observer_rt.identification.fit.masses import MeanMass
+from observer_rt.identification.fit.masses import WeighedMass
 from observer_rt.identification.fit.problem import folds_of, thinned
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
@@ -47,7 +47,7 @@ def test_a_thinned_part_stands_for_all_its_injections() -> None:
 
 
 def test_a_mean_mass_is_compared_in_standard_deviations() -> None:
-    fold = folds_of(TWO, {0: MeanMass(3.0, 0.5)})[0]
+    fold = folds_of(TWO, {0: WeighedMass(3.0, 0.5)})[0]
     for part, factor in ((fold, 1.0), (replace(fold, tempering=9.0), 3.0)):  # pressures leave nine times their noise
         assert part.mass_residuals(np.arange(1.06, 6.0)) == pytest.approx([factor * (3.06 - 3.0) / 0.5])
     assert folds_of(TWO, {})[0].mass_residuals(np.ones(5)).size == 0
@@ -55,7 +55,7 @@ def test_a_mean_mass_is_compared_in_standard_deviations() -> None:
 
 def test_one_recording_with_a_mass_is_not_taken_apart() -> None:
     """Its mass is that of all its operating points."""
-    (fold,) = folds_of(MIXED, {0: MeanMass(3.0, 0.5)})
+    (fold,) = folds_of(MIXED, {0: WeighedMass(3.0, 0.5)})
     assert len(fold.measurement.events) == 4
 
 
@@ -156,7 +156,7 @@ def test_recordings_and_masses_become_those_of_the_rail_sensor() -> None:
     level = SENSORS.level(GAIN)
     (first, *_), (other, *_) = without_gain(measured_with(GAIN, 0.0), GAIN, level), measured_with(0.0, 0.0)
     assert first.recording.line_pressure == pytest.approx(other.recording.line_pressure)
-    assert MeanMass(41e-6, 1e-7).by(level) == pytest.approx((41e-6 / 1.006, 1e-7 / 1.006))
+    assert WeighedMass(41e-6, 1e-7).by(level) == pytest.approx((41e-6 / 1.006, 1e-7 / 1.006))
 
 
 def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
@@ -172,7 +172,7 @@ def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
 
 def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     seen = measured_with(0.0, 0.0)
-    mass = MeanMass(40e-6, 0.003 * 40e-6)
+    mass = WeighedMass(40e-6, 0.003 * 40e-6)
     done = calibrate(NOMINAL, seen, {0: mass}, lambda _: None, LUMPS[:1])
     write_fitted(tmp_path / "fitted.toml", InjectorFile.read(NOMINAL_INJECTOR), done, baseline_of(done, {}))
     accuracy = load_injector(tmp_path / "fitted.toml").accuracy
@@ -180,7 +180,7 @@ def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     assert 0.3 <= accuracy.mass_percent < 0.6
     assert done.mass_share < 0.002  # the level's is not in both
     by_model = enumerate(done.comparison.masses(1e-6)[:2])
-    off = {n: MeanMass(1.04**n * made.mass_mg["fitted"], 1e-8) for n, made in by_model if made.mass_mg["fitted"]}
+    off = {n: WeighedMass(1.04**n * made.mass_mg["fitted"], 1e-8) for n, made in by_model if made.mass_mg["fitted"]}
     done = calibrate(done.injector, seen, off, lambda _: None, LUMPS[:1])
     assert 0.0199 < done.mass_share < 0.03  # which no model meets
     assert "measured masses are" in oddities(done)[-1]

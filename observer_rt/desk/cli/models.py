@@ -32,7 +32,9 @@ def fit(
     ] = None,
     mass: Annotated[
         Path | None,
-        Option("Measured mean masses (CSV: recording,mass_mg|rate_file[,sigma_mg]), which fix the absolute level."),
+        Option(
+            "Measured masses (CSV: recording[,injection],mass_mg|rate_file[,sigma_mg]), which fix the absolute level."
+        ),
     ] = None,
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals, or masses.")] = None,
     force: Force = False,
@@ -66,7 +68,7 @@ def fit(
         _fit_map(map, start, source, output, plot, json)
         return
     paths = without_copies(without_companions(recordings, messages), messages)
-    most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: a mass is the mean of all injections
+    most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: masses go by all injections
     measured = measured_files(paths, start, decoder, from_channel, messages, most)
     weighed = weighed_masses(measured, mass, start)
     for line in (*(coverage(of) for of in measured), *(f"warning: {warning}" for warning in warnings(measured))):

@@ -17,7 +17,7 @@ from observer_rt.identification.fit.calibrate import CalibrationResult, calibrat
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
 from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, FittedNumber, Structure
-from observer_rt.identification.fit.masses import WeighedMass, read_masses
+from observer_rt.identification.fit.masses import WeighedMasses, read_masses
 from observer_rt.identification.fit.suitability import refuse_clipped, sensor_gain, standstill, warnings
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
@@ -131,7 +131,7 @@ def _frame_of(numbers: Mapping[str, FittedNumber]) -> pd.DataFrame:
 
 def weighed_masses(
     measured: Sequence[Measurement], masses: Path | None, injector: InjectorParameters
-) -> Mapping[int, WeighedMass]:
+) -> Mapping[int, WeighedMasses]:
     """Measured masses by the number of the recording; masses: their file, None: none were measured.
 
     Raises `UserError` for it, and for recordings that no model can be fitted to.
@@ -144,7 +144,7 @@ def weighed_masses(
 def fitted_model(
     start: InjectorParameters,
     measurements: Sequence[Measurement],
-    weighed: Mapping[int, WeighedMass],
+    weighed: Mapping[int, WeighedMasses],
     digests: dict[str, str],
     progress: Callable[[float], None],
     calibration: StatedAccuracy,
@@ -159,7 +159,7 @@ def fitted_model(
     factor = calibration.level(gain)
     if gain != 0.0:
         measurements = without_gain(measurements, gain, factor)
-        weighed = {number: mass.by(factor) for number, mass in weighed.items()}
+        weighed = {n: {at: mass.by(factor) for at, mass in of.items()} for n, of in weighed.items()}
 
     def tell(share: float) -> None:
         progress(CALIBRATION_TIME * share)
@@ -183,7 +183,7 @@ def fitted_model(
 def _with_needle(
     start: InjectorParameters,
     measurements: Sequence[Measurement],
-    weighed: Mapping[int, WeighedMass],
+    weighed: Mapping[int, WeighedMasses],
     progress: Callable[[float], None],
 ) -> CalibrationResult:
     """Calibrate where no lift was measured: in turn line and needle together, and the delays of single shots by them.

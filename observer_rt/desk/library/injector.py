@@ -121,7 +121,7 @@ class Injector:
         recordings : path, DataFrame, mapping of arrays, Recording, or a list of them
             At several rail pressures and durations, of one sample rate.
         masses : path, optional
-            CSV of measured mean masses, `recording,mass_mg[,sigma_mg]`, which fix the absolute level.
+            CSV of measured masses, `recording[,injection],mass_mg[,sigma_mg]`, which fix the absolute level.
 
         Returns
         -------
@@ -137,7 +137,7 @@ class Injector:
         """
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
-            # Whole: a mass is the mean of all injections.
+            # Whole: masses go by all injections.
             most = MOST_SAMPLES if masses is None else sys.maxsize
             measured = self._measured(sources, notes, most)
             weighed = weighed_masses(measured, None if masses is None else path_of("masses", masses), self.parameters)

@@ -25,7 +25,7 @@ from observer_rt.identification.fit.forms import (
     Structure,
     sizes_of,
 )
-from observer_rt.identification.fit.masses import WeighedMass
+from observer_rt.identification.fit.masses import WeighedMasses
 from observer_rt.identification.fit.problem import GROUPS_OF_FOLD, Calibration, Fold, by_meter, folds_of, thinned
 from observer_rt.identification.fit.structures import Choice, choose, tried_structures
 from observer_rt.identification.fit.suitability import share_between_samples
@@ -138,8 +138,8 @@ class CalibrationResult:
         determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
         # twice, for the level is an area's and the parameter a diameter
         by_fit = sum(2.0 * float(sigma) for one, sigma in determined if one is INERTANCE)
-        weighed = [fold.weighed for fold in self.fitted.calibration.folds if fold.weighed is not None]
-        own = [one.sigma / one.mass for one in weighed]
+        folds = self.fitted.calibration.folds
+        own = [one.sigma / one.mass for fold in folds for one in fold.measured_masses.values()]
         by_rate = math.hypot(GAIN_ERROR, 0.01 * self.file.accuracy.fuel_density_percent)
         return max(by_fit, float(np.median(own)) if own else by_rate)
 
@@ -147,7 +147,7 @@ class CalibrationResult:
 def calibrate(
     file: InjectorParameters,
     recordings: Sequence[Measurement],
-    weighed: Mapping[int, WeighedMass],
+    weighed: Mapping[int, WeighedMasses],
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> CalibrationResult:

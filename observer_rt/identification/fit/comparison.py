@@ -13,7 +13,9 @@ from observer_rt.engine.estimation.phases import BLOCKS, Phase, PhaseStatistics
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, Floats
+from observer_rt.identification.fit.masses import MEAN
 from observer_rt.identification.fit.problem import Calibration, Fold
+from observer_rt.identification.likelihood.events import rail_pressure_before
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.signals import Pool, Signal, pool_of
 from observer_rt.model.effective import EffectiveModel
@@ -79,9 +81,10 @@ class Residual(DocumentPart):
 
 
 class RecordingMass(DocumentPart):
-    """Mean mass of the injections of a recording, or of a part of it; measured: null without a measurement."""
+    """Mass of an injection, or mean of a recording's, or of a part of it; measured: null without a measurement."""
 
     recording: str
+    injection: int | None = Field(None, description="number in the recording, from 1; null: the mean of all")
     rail_pressure_MPa: Number  # noqa: N815 - units as printed
     mass_mg: Pair
     measured_mass_mg: Number
@@ -124,9 +127,9 @@ class ModelOnFolds:
         scale = self.models[0].coefficients.pressure_scale
         return scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
 
-    def mass(self, number: int) -> float:
-        """Mean mass of a fold's injections [mg]."""
-        return float(np.average(self.judged[number].masses, weights=self.folds[number].weights)) / MILLIGRAM
+    def mass(self, number: int, injection: int = MEAN) -> float:
+        """Mass of an injection of a fold, or mean of all [mg]."""
+        return self.folds[number].mass_of(self.judged[number].masses, injection) / MILLIGRAM
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,25 +174,43 @@ class Comparison:
 
     @property
     def mass_misfit(self) -> float:
-        """Root mean square of modelled masses beside the measured ones, as a share of these, beyond their sigma."""
-        beyond = [
-            (MILLIGRAM * self.after.mass(number) / weighed.mass - 1.0) ** 2 - (weighed.sigma / weighed.mass) ** 2
-            for number, fold in enumerate(self.after.folds)
-            if (weighed := fold.weighed) is not None
-        ]
+        """Root mean square of modelled masses beside the measured ones, as a share of these, beyond their sigma.
+
+        Single injections of an operating point count by their mean: a model is wrong of all alike.
+        """
+        beyond = []
+        for number, fold in enumerate(self.after.folds):
+            for numbers in fold.weighings:
+                measured = [fold.weighed[at] for at in numbers]
+                off = np.mean(
+                    [MILLIGRAM * self.after.mass(number, at) / fold.weighed[at].mass - 1.0 for at in numbers]
+                )
+                beyond.append(off**2 - sum((one.sigma / one.mass) ** 2 for one in measured) / len(measured) ** 2)
         return math.sqrt(max(float(np.mean(beyond)), 0.0)) if beyond else 0.0
 
     def masses(self, level: float) -> tuple[RecordingMass, ...]:
-        """Masses of every fold; level: factor on all, for a sensor's gain that was removed before the fit."""
-        return tuple(
-            RecordingMass(
-                recording=str(fold.measurement.recording.path or fold.recording),
-                rail_pressure_MPa=fold.measurement.rail_pressure / MEGAPASCAL,
-                mass_mg=self._both(lambda model, number: level * model.mass(number), number),
-                measured_mass_mg=math.nan if fold.weighed is None else level * fold.weighed.mass / MILLIGRAM,
-                measured_sigma_mg=math.nan if fold.weighed is None else level * fold.weighed.sigma / MILLIGRAM,
-            )
-            for number, fold in enumerate(self.after.folds)
+        """Means of every fold; level: factor on all, for a sensor's gain that was removed before the fit."""
+        return tuple(self._mass(level, number, MEAN) for number in range(len(self.after.folds)))
+
+    def injection_masses(self, level: float) -> tuple[RecordingMass, ...]:
+        """Masses of single injections that were weighed and took part."""
+        singles = [(n, at) for n, fold in enumerate(self.after.folds) for at in sorted(fold.measured_masses) if at]
+        return tuple(self._mass(level, number, injection) for number, injection in singles)
+
+    def _mass(self, level: float, number: int, injection: int) -> RecordingMass:
+        measurement = (fold := self.after.folds[number]).measurement
+        pressure = measurement.rail_pressure
+        for event in measurement.events:
+            if event.number == injection:
+                pressure = rail_pressure_before(event, measurement.recording)
+        mass, sigma = fold.weighed.get(injection, (math.nan, math.nan))
+        return RecordingMass(
+            recording=str(measurement.recording.path or fold.recording),
+            injection=injection or None,
+            rail_pressure_MPa=pressure / MEGAPASCAL,
+            mass_mg=self._both(lambda model, *of: level * model.mass(*of), number, injection),
+            measured_mass_mg=level * mass / MILLIGRAM,
+            measured_sigma_mg=level * sigma / MILLIGRAM,
         )
 
 

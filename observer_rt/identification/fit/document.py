@@ -49,6 +49,7 @@ class FitDocument(Document):
     level: dict[str, str] = Field(description="what the absolute level of flow rests on")
     residuals: tuple[Residual, ...]
     masses: tuple[RecordingMass, ...]
+    injections: tuple[RecordingMass, ...] = Field(description="single ones that were weighed and took part")
     mass_share: Number
     told_shares: tuple[Number, ...] = Field(description="one sigma of a mass by one injection's pressures, at best")
     line_pressure_offsets_MPa: tuple[Number, ...] = Field(description="of each recording in `masses`")  # noqa: N815
@@ -78,6 +79,7 @@ def document_of(done: calibrate.CalibrationResult, baseline: Baseline, warnings:
         level={"from": done.level_source, "words": level_words(done)},
         residuals=comparison.residuals,
         masses=comparison.masses(done.flow_factor),
+        injections=comparison.injection_masses(done.flow_factor),
         mass_share=done.mass_share,
         told_shares=tuple(done.shares_by_pressures.tolist()),
         line_pressure_offsets_MPa=tuple(done.fitted.offsets.tolist()),

@@ -20,14 +20,16 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.likelihood.measurement import Measurement
 
 INJECTION_RATE = "injection_rate"
-RECORDING, MASS, RATE, NAMES = "recording", "mass_mg", "rate_file", "names"
+RECORDING, INJECTION, MASS, RATE, NAMES = "recording", "injection", "mass_mg", "rate_file", "names"
+MEAN = 0  # in place of the number of an injection
 SIGMA, PERCENT = "sigma_mg", "sigma_percent"  # one of both, if any
 SHARE_SIGMA = 0.005  # of a mass whose uncertainty is not stated: a good injection analyser
 LARGEST_MASS = 2000.0  # mg
 FLOWS = 0.2  # of the highest rate of a meter, above which it shows an injection
 EVENT_GAP = 10e-3  # s without such a rate, beyond which another injection begins, as in `[learning] event_gap_ms`
 _EXAMPLE = (
-    f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4, or of a rate meter's tables "
+    f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4, or of single injections "
+    f"{RECORDING},{INJECTION},{MASS} with healthy_60.csv,1,31.4, or of a rate meter's tables "
     f"{RECORDING},{RATE}[,{PERCENT}] with healthy_60.csv,tube_60.txt"
 )
 _HEADED = (
@@ -37,7 +39,7 @@ _HEADED = (
 
 
 class WeighedMass(NamedTuple):
-    """Mean mass of a recording's injections, and its standard deviation [kg]."""
+    """Mass of an injection, or mean of a recording's, and its standard deviation [kg]."""
 
     mass: float
     sigma: float
@@ -47,21 +49,29 @@ class WeighedMass(NamedTuple):
         return WeighedMass(self.mass / level, self.sigma / level)
 
 
-def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -> dict[int, WeighedMass]:
+WeighedMasses = Mapping[int, WeighedMass]
+"""Masses of a recording by the number of the injection, from 1; MEAN: the mean of all."""
+
+
+def read_masses(path: Path, recordings: Sequence[Measurement], density: float) -> dict[int, dict[int, WeighedMass]]:
     """Measured masses by the number of the recording; density of the fuel [kg/m3]. Raises `UserError` with the line.
 
-    CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one) or `rate_file` (table of a
-    rate meter whose integral that mean is, by its path from this file), perhaps `sigma_mg` or `sigma_percent` (else
-    0.5 %) and `names` (of the meter's columns, with units, where its table has none).
+    CSV: `recording` (file name), perhaps `injection` (its number there, pilot and main as one; else it is the mean),
+    `mass_mg` or `rate_file` (table of a rate meter whose integral that mass is, by its path from this file), perhaps
+    `sigma_mg` or `sigma_percent` (else 0.5 %) and `names` (of the meter's columns, with units, where its table has
+    none). Masses of injections that are not judged count for nothing.
     """
-    masses: dict[int, WeighedMass] = {}
+    masses: dict[int, dict[int, WeighedMass]] = {}
     for location, row in _rows(path):
         number = _recording(location, row[RECORDING], recordings)
-        if number in masses:
-            raise UserError(location, f"another line has the mass of {row[RECORDING]}", "give it once")
-        masses[number] = _mean_mass(location, row, path.parent, density)
-    if not masses:
-        raise UserError(str(path), "holds no mass", _EXAMPLE)
+        injection, others = _injection(location, row, recordings[number]), masses.setdefault(number, {})
+        if injection in others or (others and MEAN in {injection, *others}):
+            problem = f"another line has the mass of {row[RECORDING]}, or of one of its injections"
+            raise UserError(location, problem, "give its mean once, or each injection once and no mean")
+        others[injection] = _mass(location, row, path.parent, density)
+    judged = [{MEAN, *(event.number for event in one.events)} for one in recordings]
+    if not any(judged[number].intersection(of) for number, of in masses.items()):
+        raise UserError(str(path), "holds no mass of an injection that is judged", _EXAMPLE)
     return masses
 
 
@@ -71,13 +81,16 @@ def _rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
         try:
             separator = max(",;\t", key=file.readline().count)
             file.seek(0)
-            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file, delimiter=separator)] or [[]]
+            table = [[cell.strip() for cell in row] for row in csv.reader(file, delimiter=separator)]
         except (csv.Error, UnicodeDecodeError) as error:
             raise UserError(str(path), f"is no CSV: {error}", _EXAMPLE) from None
+    above = int(table[:1] == [["sep=", ""]])  # Excel's line that names the separator
+    header, *rows = table[above:] or [[]]
     layouts = ({RECORDING, MASS}, {RECORDING, RATE}, {RECORDING, RATE, NAMES})
-    if {*header} - {SIGMA, PERCENT} not in layouts or len({*header}) < len(header) or {SIGMA, PERCENT} <= {*header}:
-        raise UserError(f"{path}, line 1", f"has the columns '{', '.join(header)}'", _EXAMPLE)
-    for line, cells in enumerate(rows, start=2):
+    names = {*header}
+    if names - {INJECTION, SIGMA, PERCENT} not in layouts or len(names) < len(header) or {SIGMA, PERCENT} <= names:
+        raise UserError(f"{path}, line {above + 1}", f"has the columns '{', '.join(header)}'", _EXAMPLE)
+    for line, cells in enumerate(rows, start=above + 2):
         location = f"{path}, line {line}"
         if any(cells) and len(cells) != len(header):
             raise UserError(location, f"has {len(cells)} cells, the header {len(header)}", _EXAMPLE)
@@ -95,7 +108,20 @@ def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> i
     return numbers[0]
 
 
-def _mean_mass(location: str, row: Mapping[str, str], folder: Path, density: float) -> WeighedMass:
+def _injection(location: str, row: Mapping[str, str], recording: Measurement) -> int:
+    """Number of a row's injection, or MEAN."""
+    text, count = row.get(INJECTION), recording.injections.complete + len(recording.injections.left_out)
+    if not text:
+        return MEAN
+    if text not in map(str, range(1, count + 1)):
+        problem = f"'{text}' is no injection of {row[RECORDING]}, which has {count}"
+        raise UserError(
+            f"{location}, {INJECTION}", problem, f"give 1 to {count}, as `event` of `evaluate`, or nothing"
+        )
+    return int(text)
+
+
+def _mass(location: str, row: Mapping[str, str], folder: Path, density: float) -> WeighedMass:
     """Mass of a row, or of the rate meter's table that it names by the path from a folder."""
     if MASS in row:
         mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)

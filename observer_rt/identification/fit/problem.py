@@ -10,7 +10,7 @@ import numpy as np
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import MEGAPASCAL, Floats
 from observer_rt.identification.fit.forms import STIFFENING, FreeParameter, with_values
-from observer_rt.identification.fit.masses import WeighedMass
+from observer_rt.identification.fit.masses import MEAN, WeighedMasses
 from observer_rt.identification.fit.suitability import standstill
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, Range, Residuals, sigmas_of
 from observer_rt.identification.likelihood.excerpts import events_by_point
@@ -38,26 +38,42 @@ class Fold:
     measurement: Measurement  # with shortened events
     recording: int  # its number
     weights: Floats  # (events,) number of injections for which each event stands
-    weighed: WeighedMass | None = None  # None: not measured
+    weighed: WeighedMasses  # of its recording
     rate_shape: bool = False  # whether a measured rate counts sample by sample, and not by its integrals alone
     tempering: float = 1.0  # mean square of what pressures leave, over noise, which makes a mass count for more
 
+    @property
+    def weighings(self) -> list[list[int]]:
+        """Numbers of its weighed injections, those of an operating point together; or MEAN."""
+        points = [[event.number for event in point] for point in events_by_point(self.measurement)]
+        own = [[number for number in numbers if number in self.weighed] for numbers in ([MEAN], *points)]
+        return [numbers for numbers in own if numbers]
+
+    @property
+    def measured_masses(self) -> WeighedMasses:
+        """Measured masses of its own injections, or their mean."""
+        return {number: self.weighed[number] for numbers in self.weighings for number in numbers}
+
+    def mass_of(self, masses: Floats, injection: int = MEAN) -> float:
+        """Of masses (events,) that of an injection by its number, or the mean of all."""
+        if injection == MEAN:
+            return float(np.average(masses, weights=self.weights))
+        return float(masses[[event.number for event in self.measurement.events].index(injection)])
+
     def mass_residuals(self, masses: Floats) -> Floats:
-        """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,) or (0,)."""
-        if self.weighed is None:
-            return np.zeros(0)
-        mean = np.average(masses, weights=self.weights)
-        return np.array([(mean - self.weighed.mass) / self.weighed.sigma]) * math.sqrt(self.tempering)
+        """Modelled masses (events,) [kg] beside the k measured ones, in standard deviations (k,)."""
+        off = [(self.mass_of(masses, number) - m.mass) / m.sigma for number, m in self.measured_masses.items()]
+        return np.array(off) * math.sqrt(self.tempering)
 
 
-def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, WeighedMass]) -> tuple[Fold, ...]:
-    """Every recording as a fold; a single one without measured mass is divided by operating points, or halved."""
+def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, WeighedMasses]) -> tuple[Fold, ...]:
+    """Every recording as a fold; a single one without a measured mean is divided by operating points, or halved."""
     short = []
     for recording in recordings:
         tail = round(RING_DOWN * recording.recording.sample_rate)
         events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in recording.events)
         short.append(replace(recording, events=events))
-    if len(short) > 1 or len(short[0].events) == 1 or weighed:
+    if len(short) > 1 or len(short[0].events) == 1 or MEAN in weighed.get(0, {}):
         groups = [(number, list(recording.events)) for number, recording in enumerate(short)]
     else:
         points = events_by_point(short[0])
@@ -66,7 +82,8 @@ def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, WeighedMas
             points = [points[0][:half], points[0][half:]]
         groups = [(0, events) for events in points]
     return tuple(
-        Fold(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n)) for n, events in groups
+        Fold(replace(short[n], events=tuple(events)), n, np.ones(len(events)), weighed.get(n, {}))
+        for n, events in groups
     )
 
 
@@ -77,12 +94,13 @@ def by_meter(fold: Fold, meter: tuple[float, ...]) -> Fold:
 
 
 def thinned(fold: Fold, most: int) -> Fold:
-    """At most so many events of each operating point, spread evenly."""
-    kept = [
-        (event, len(point) / min(most, len(point)))
-        for point in events_by_point(fold.measurement)
-        for event in spread(point, most)
-    ]
+    """At most so many events of each operating point, spread evenly, those first that were weighed."""
+    kept = []
+    for point in events_by_point(fold.measurement):
+        weighed = [event for event in point if event.number in fold.weighed]
+        others = [event for event in point if event.number not in fold.weighed]
+        chosen = spread(weighed, most) + spread(others, max(0, most - len(weighed)))
+        kept += [(event, len(point) / len(chosen)) for event in chosen]
     kept.sort(key=lambda item: item[0].start)
     measurement = replace(fold.measurement, events=tuple(event for event, _ in kept))
     return replace(fold, measurement=measurement, weights=np.array([share for _, share in kept]))

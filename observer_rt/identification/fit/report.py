@@ -90,10 +90,11 @@ def parameter_table(parameters: Mapping[str, FittedNumber]) -> Table:
 
 
 def _weighed(fit: FitDocument) -> Iterator[tuple[str, ...]]:
-    for mass in fit.masses:
+    for mass in (*fit.masses, *fit.injections):
         if (measured := mass.measured_mass_mg) is not None and (fitted := mass.mass_mg["fitted"]) is not None:
             off = (fitted - measured) / (mass.measured_sigma_mg or math.nan)
             name, rail = Path(mass.recording).name, f"{mass.rail_pressure_MPa:.0f}"
+            name += f", injection {mass.injection}" if mass.injection else ""
             yield name, rail, f"{measured:.2f}", f"{fitted:.2f}", f"{fitted / measured - 1.0:+.2%}", f"{off:+.1f}"
 
 

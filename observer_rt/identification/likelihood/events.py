@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -39,12 +39,13 @@ class JudgedEvent:
     start: int
     counted: int
     end: int
+    number: int  # from 1, of all injections of a recording read in one piece, also those that are left out
     clock: Clock = NO_CLOCK  # time and openings of the recording up to `start`
 
     def moved(self, by: int) -> "JudgedEvent":
         """The event some samples later."""
         openings = tuple(Opening(o.first + by, o.last + by, o.rising, o.falling) for o in self.openings)
-        return JudgedEvent(openings, self.start + by, self.counted + by, self.end + by, self.clock)
+        return replace(self, openings=openings, start=self.start + by, counted=self.counted + by, end=self.end + by)
 
 
 class Lack(StrEnum):
@@ -110,7 +111,7 @@ def events_of(
     missing = missing_samples(recording)
     events, left_out = [], []
     previous_end, before = 0, 0
-    for group, limit in zip(groups, limits, strict=True):
+    for number, (group, limit) in enumerate(zip(groups, limits, strict=True), 1):
         start = group[0].first - round(LEAD * rate)
         counted = group[0].first - lead
         end = min(group[-1].last + round(RING_DOWN * rate), limit)
@@ -123,7 +124,7 @@ def events_of(
             lack = Lack.GAP
         if lack is None:
             clock = Clock(float(recording.time[start]), float(before))
-            events.append(JudgedEvent(tuple(group), start, counted, end, clock))
+            events.append(JudgedEvent(tuple(group), start, counted, end, number, clock))
         else:
             left_out.append(LeftOut(float(recording.time[group[0].first]), lack))
         previous_end = group[-1].last

@@ -54,7 +54,7 @@ def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
 
 def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path) -> None:
     masses = tmp_path / "masses.csv"
-    masses.write_text("recording,mass_mg\nhealthy_1.csv,144.2\n")
+    masses.write_text("recording,injection,mass_mg\nhealthy_1.csv,,135.9\nhealthy_0.csv,2,34.15\n")
     fitted = tmp_path / "fitted.toml"
     done = command.done("fit", *healthy, "--model", wrong, "--output", fitted, "--mass", masses, "--json")
     document = json.loads(done.out, parse_constant=lambda name: pytest.fail(name))
@@ -63,7 +63,10 @@ def test_json_holds_all_of_it(command: Command, healthy: tuple[Path, ...], wrong
     low, high = document["parameters"]["nozzle.flow_coefficient"]["ci95"]
     assert low < document["parameters"]["nozzle.flow_coefficient"]["value"] < high
     assert {one["phase"] for one in document["residuals"]} == {"standstill", "opening", "open", "closing", "after"}
-    assert [one["measured_mass_mg"] for one in document["masses"]] == [None, pytest.approx(144.2)]
+    assert [one["measured_mass_mg"] for one in document["masses"]] == [None, pytest.approx(135.9)]
+    (single,) = document["injections"]
+    assert (Path(single["recording"]).name, single["injection"]) == ("healthy_0.csv", 2)
+    assert single["mass_mg"]["fitted"] == pytest.approx(single["measured_mass_mg"], rel=0.005)
     assert all(one["name"].startswith("one lump") for one in document["structures"])  # for a lump explains it all
 
 

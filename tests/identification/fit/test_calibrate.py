@@ -20,7 +20,7 @@ from observer_rt.identification.fit.forms import (
     Structure,
     with_values,
 )
-from observer_rt.identification.fit.masses import WeighedMass
+from observer_rt.identification.fit.masses import MEAN, WeighedMass
 from observer_rt.identification.fit.problem import Calibration, certainty, folds_of
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
@@ -52,7 +52,7 @@ def _fit(
     among: Sequence[Structure] = LUMPS,
     **weighed: WeighedMass,
 ) -> CalibrationResult:
-    by_number = {int(name[1:]): one for name, one in weighed.items()}
+    by_number = {int(name[1:]): {MEAN: one} for name, one in weighed.items()}
     return calibrate(file, measured, by_number, lambda _: None, among)
 
 

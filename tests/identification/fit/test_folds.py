@@ -21,7 +21,7 @@ from observer_rt.identification.fit import suitability
 from observer_rt.identification.fit.calibrate import calibrate
 from observer_rt.identification.fit.document import oddities
 from observer_rt.identification.fit.fitted_file import baseline_of, write_fitted
-from observer_rt.identification.fit.masses import WeighedMass
+from observer_rt.identification.fit.masses import MEAN, WeighedMass
 from observer_rt.identification.fit.problem import folds_of, thinned
 from observer_rt.identification.likelihood.measurement import Measurement, measurements, without_gain
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
@@ -47,15 +47,37 @@ def test_a_thinned_part_stands_for_all_its_injections() -> None:
 
 
 def test_a_mean_mass_is_compared_in_standard_deviations() -> None:
-    fold = folds_of(TWO, {0: WeighedMass(3.0, 0.5)})[0]
+    fold = folds_of(TWO, {0: {MEAN: WeighedMass(3.0, 0.5)}})[0]
     for part, factor in ((fold, 1.0), (replace(fold, tempering=9.0), 3.0)):  # pressures leave nine times their noise
         assert part.mass_residuals(np.arange(1.06, 6.0)) == pytest.approx([factor * (3.06 - 3.0) / 0.5])
     assert folds_of(TWO, {})[0].mass_residuals(np.ones(5)).size == 0
 
 
+def test_a_weighed_injection_is_kept_and_compared_with_its_own_mass() -> None:
+    weighed = {number: WeighedMass(float(number), 0.5) for number in (2, 4)}
+    (fold, _) = folds_of(TWO, {0: weighed})
+    assert fold.mass_residuals(np.arange(1.0, 6.0) + 0.1) == pytest.approx([0.2, 0.2])
+    few = thinned(fold, 3)
+    assert {2, 4} < {event.number for event in few.measurement.events}
+    assert few.mass_residuals(np.array([n.number for n in few.measurement.events]) - 1.0) == pytest.approx(
+        [-2.0, -2.0]
+    )
+    assert thinned(fold, 1).mass_residuals(np.ones(1)).size == 1
+
+
+def test_an_injection_cut_off_counts_and_has_no_mass() -> None:
+    recording = TWO[0].recording
+    late = int(TWO[0].events[0].openings[0].first) - 50
+    names = ("time", "rail_pressure", "needle_lift", "line_pressure")
+    (cut,) = measurements([replace(recording, **{name: getattr(recording, name)[late:] for name in names})])
+    assert [event.number for event in cut.events] == [2, 3, 4, 5]
+    weighed = {number: WeighedMass(1.0, 0.5) for number in (1, 2)}
+    assert folds_of([cut], {0: weighed})[0].mass_residuals(np.ones(4)) == pytest.approx([0.0])
+
+
 def test_one_recording_with_a_mass_is_not_taken_apart() -> None:
     """Its mass is that of all its operating points."""
-    (fold,) = folds_of(MIXED, {0: WeighedMass(3.0, 0.5)})
+    (fold,) = folds_of(MIXED, {0: {MEAN: WeighedMass(3.0, 0.5)}})
     assert len(fold.measurement.events) == 4
 
 
@@ -173,14 +195,18 @@ def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
 def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     seen = measured_with(0.0, 0.0)
     mass = WeighedMass(40e-6, 0.003 * 40e-6)
-    done = calibrate(NOMINAL, seen, {0: mass}, lambda _: None, LUMPS[:1])
+    done = calibrate(NOMINAL, seen, {0: {MEAN: mass}}, lambda _: None, LUMPS[:1])
     write_fitted(tmp_path / "fitted.toml", InjectorFile.read(NOMINAL_INJECTOR), done, baseline_of(done, {}))
     accuracy = load_injector(tmp_path / "fitted.toml").accuracy
     assert accuracy.mass_percent is not None
     assert 0.3 <= accuracy.mass_percent < 0.6
     assert done.mass_share < 0.002  # the level's is not in both
     by_model = enumerate(done.comparison.masses(1e-6)[:2])
-    off = {n: WeighedMass(1.04**n * made.mass_mg["fitted"], 1e-8) for n, made in by_model if made.mass_mg["fitted"]}
+    off = {
+        n: {MEAN: WeighedMass(1.04**n * made.mass_mg["fitted"], 1e-8)}
+        for n, made in by_model
+        if made.mass_mg["fitted"]
+    }
     done = calibrate(done.injector, seen, off, lambda _: None, LUMPS[:1])
     assert 0.0199 < done.mass_share < 0.03  # which no model meets
     assert "measured masses are" in oddities(done)[-1]

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.masses import read_masses
+from observer_rt.identification.fit.masses import MEAN, read_masses
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import simulations
 
@@ -40,7 +40,21 @@ def test_masses_are_read_back(tmp_path: Path, mass: float, column: str, name: st
         text = text.replace(",", ";").replace(f"{mass}", f"{mass}".replace(".", ","))
     read = read_masses(_write(tmp_path, text), FOUND, DENSITY)
     sigma = {"": 0.005 * mass, "sigma_mg": 0.1, "sigma_percent": 0.001 * mass}[column]
-    assert read == {1: pytest.approx((1e-6 * mass, 1e-6 * sigma))}
+    assert read == {1: {MEAN: pytest.approx((1e-6 * mass, 1e-6 * sigma))}}
+
+
+@SAME_FILE
+@given(masses=st.dictionaries(st.integers(1, 3), MASSES, min_size=1), mean=MASSES, excel=st.booleans())
+def test_masses_of_injections_are_read_back(
+    tmp_path: Path, masses: dict[int, float], mean: float, excel: bool
+) -> None:
+    rows = [f"{mass},h_1.csv,{number}" for number, mass in masses.items()]
+    text = "\n".join(["mass_mg,recording,injection", *rows, f"{mean},h_0.csv,", ""])
+    if excel:
+        text = "sep=;\n" + text.replace(",", ";").replace(".", ",").replace(",csv", ".csv")
+    read = read_masses(_write(tmp_path, text), FOUND, DENSITY)
+    assert {number: 1e6 * mass.mass for number, mass in read[1].items()} == pytest.approx(masses)
+    assert read[0] == {MEAN: pytest.approx((1e-6 * mean, 5e-9 * mean))}
 
 
 @SAME_FILE
@@ -65,6 +79,15 @@ def test_any_text_is_read_or_refused(tmp_path: Path, text: str) -> None:
         ("recording,mass_mg\nh_0.csv,-3\n", "line 2, mass_mg.*'-3' is out of range"),
         ("recording,mass_mg\nh_0.csv,nan\n", "'nan' is out of range"),
         ("recording,mass_mg\nh_0.csv,3\nh_0.csv,4\n", "line 3.*another line"),
+        ("recording,mass_mg,injection\nh_0.csv,3,1\nh_0.csv,4,1\n", "line 3.*another line.*each injection once"),
+        ("recording,mass_mg,injection\nh_0.csv,3,1\nh_0.csv,4,\n", "line 3.*another line.*no mean"),
+        ("recording,mass_mg,injection\nh_0.csv,3,\nh_0.csv,4,1\n", "line 3.*another line.*no mean"),
+        (
+            "recording,mass_mg,injection\nh_0.csv,3,4\n",
+            "line 2, injection.*'4' is no injection of h_0.csv, which has 3",
+        ),
+        ("sep=;\nrecording;remark\nh_0.csv;3\n", "line 2.*remark"),
+        ("sep=;\nrecording;mass_mg\nh_0.csv;-3\n", "line 3, mass_mg"),
         ("recording,mass_mg\nh_0.csv\n", "line 2.*1 cells, the header 2"),
         ("recording,mass_mg,sigma_mg\nh_0.csv,3,5\n", "sigma_mg.*'5' is out of range"),
         ("recording,mass_mg,sigma_percent\nh_0.csv,3,0\n", "sigma_percent.*'0' is out of range.*give % above 0"),
@@ -89,9 +112,9 @@ def _by_tube(folder: Path, text: str, names: str = "") -> float:
     table = (
         f"recording,rate_file,names\nh_1.csv,tube.txt,{names}\n"
         if names
-        else "recording,rate_file\nh_1.csv,tube.txt\n"
+        else "recording,rate_file,injection\nh_1.csv,tube.txt,2\n"
     )
-    return read_masses(_write(folder, table), FOUND, DENSITY)[1].mass
+    return read_masses(_write(folder, table), FOUND, DENSITY)[1][MEAN if names else 2].mass
 
 
 @SAME_FILE

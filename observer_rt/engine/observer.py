@@ -213,20 +213,26 @@ def event_window(observer: state.Observer, number: int) -> Window | None:
     if not event["learnable"]:
         return None
     start, end = _window_of(observer, event)
+    openings = int(event["injections"])
+    return window_between(observer, start, end, int(event["opening_position"]), openings)
+
+
+def window_between(observer: state.Observer, start: int, end: int, opening: int, injections: int) -> Window:
+    """Window of the samples at positions [start, end), copied; injections: begun before its end."""
     samples = max(0, end - start)
     window = Window(
         inputs=np.empty((samples, 2)),
         output=np.empty(samples),
         resting=np.empty(samples, np.bool_),
         start=np.append(observer.x_tilde[start % core.RING], observer.ring[start % core.RING]["indicated"]),
-        opening=int(event["opening_position"]) - start,
+        opening=opening - start,
         knots=np.empty((samples, 2)),
         masked=np.empty(samples, np.bool_),
     )
     columns = window.inputs, window.output, window.resting, window.knots, window.masked
     core.copy_window(observer.ring, start, observer.constants.sensor.late, *columns)
     openings = np.count_nonzero(np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0))
-    begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
+    begun = Clock(start * observer.constants.interval, float(injections - openings))
     return window._replace(clock=begun, commands=commands_at(observer, start, end), needle=observer.constants.needle)
 
 

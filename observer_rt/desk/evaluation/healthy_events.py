@@ -61,7 +61,7 @@ class _Listener(Learner):
         covariance = self.state.learned.belief.covariance
         outcome = super().learn(window, standstill, in_force, constants)
         during, noise = constants or self._constants, outcome.knowledge.state.noise
-        setting, sigma = self._reader.setting_at(outcome.estimate, noise, during)
+        setting, sigma = self.reader.setting_at(outcome.estimate, noise, during)
         self._events.append(_HealthyEvent(with_smooth_rail(window, during), setting, sigma, theta, covariance))
         return outcome
 

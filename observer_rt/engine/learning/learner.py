@@ -49,9 +49,9 @@ class Learner:
         gains_for = lru_cache(maxsize=SCHEDULES)(gain_schedule)
         c, interval, calibration = constants.coefficients, constants.interval, constants.calibration
         limits = theta_limits(c, constants.needle, healthy.shape is not None)
-        self._reader = EventReader(interval, c.pressure_scale, limits, healthy, calibration, gains_for)
+        self.reader = EventReader(interval, c.pressure_scale, limits, healthy, calibration, gains_for)
         self._constants = constants
-        self.schedule = self._reader.gains(knowledge.in_force, knowledge.state.noise, constants)
+        self.schedule = self.reader.gains(knowledge.in_force, knowledge.state.noise, constants)
         """Gains at the start."""
         state = knowledge.state.begun(constants.interval, healthy.overdispersion)
         self.state = state.map(lambda learned: learned.with_gain(constants.calibration.gain))
@@ -64,14 +64,18 @@ class Learner:
 
         A bad event is refused at worst; one that cannot be read changes no more than noise levels and standstill.
         """
-        event = ClosedEvent(window, standstill, in_force, constants or self._constants)
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):  # refused for what it leads to
-                outcome = _learned(self.state, event, self._reader)
-        except (ArithmeticError, ValueError):  # LinAlgError is one
-            outcome = _failed(self.state, event, Objection(Reason.NOT_LEARNED), self._reader)
+        outcome = self.explain(window, standstill, in_force, constants or self._constants)
         self.state = outcome.knowledge.state
         return outcome
+
+    def explain(self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants) -> Outcome:
+        """What `learn` would say of an event; nothing is learned from it."""
+        event = ClosedEvent(window, standstill, in_force, constants)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):  # refused for what it leads to
+                return _learned(self.state, event, self.reader)
+        except (ArithmeticError, ValueError):  # LinAlgError is one
+            return _failed(self.state, event, Objection(Reason.NOT_LEARNED), self.reader)
 
 
 def _learned(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outcome:

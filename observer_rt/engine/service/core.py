@@ -99,7 +99,8 @@ class Core:
             constants = constants.by_commands()
         levels = noise.configured_noise(bench_injector)
         start = knowledge or no_knowledge(levels, constants.coefficients.pressure_scale)
-        learner = learner_of(bench_injector, constants, start)
+        learner = self.learner = learner_of(bench_injector, constants, start)
+        """Learns from events, in the executor."""
         self._bus = bus
         self._max_lift = bench_injector.parameters.seat.max_lift
         healthy = injector.healthy_injector(bench_injector)

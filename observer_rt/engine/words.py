@@ -139,6 +139,10 @@ REASONS: Mapping[Reason, Words] = {
     Reason.COIL_CURRENT: Words(
         "the coil's current shows in the line pressure", "shield the cables, or wait: once known it is subtracted"
     ),
+    Reason.NO_COMMAND: Words(
+        "the line pressure shows an injection that no command explains",
+        "look for the lost command; its mass is by the line pressure alone, where that tells it",
+    ),
 }
 
 COUNTERS: Mapping[str, Words] = {

@@ -11,6 +11,7 @@ from observer_rt.desk.evaluation.trace import InjectionSamples, trace_of
 from observer_rt.engine.estimation.parameters import NEEDLE_LAW, SCALARS, ShownIndicator
 from observer_rt.engine.reports.indicators import Estimate
 from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Field, InjectionReport, Output
+from observer_rt.engine.stream.state import Reason
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95, Floats
@@ -133,6 +134,8 @@ def injection_result(
     trace, is_known = samples.trace, samples.is_whole
     measured = trace.measured_rate if has_rate and is_known else None
     nominal, rate = trace.nominal_rate, trace.injection_rate
+    if report.reason is Reason.NO_COMMAND:
+        nominal = np.full(nominal.size, math.nan)  # it knows of no opening
 
     def mass(rate: Floats) -> float:
         return float(np.trapezoid(rate)) * (1.0 / sample_rate) * report.density

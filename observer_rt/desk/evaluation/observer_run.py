@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +12,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
+from observer_rt.desk.evaluation.lost_commands import LostCommands
 from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Trace, trace_of, unknown
 from observer_rt.engine.observer import energize
 from observer_rt.engine.reports.injection_report import InjectionReport
@@ -19,7 +20,7 @@ from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.service.nominal import NominalModel
-from observer_rt.engine.stream.state import Observer
+from observer_rt.engine.stream.state import Observer, Reason
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, cut
@@ -219,6 +220,8 @@ class ObserverRun:
         self._samples = HistorySamples()
         self._seen = 0  # samples of the core
         self._is_energized, self._energized_from = False, 0  # index of the last command's first sample
+        self._lost = LostCommands(core)
+        self._last = self._added = 0, 0  # number and event of the observer's last one; how many without a command
 
     def observe(self, source: SignalStream, sink: Evaluation) -> None:
         """Observe the frames of a log, or a recording in frames, whose sample index jumps between stretches."""
@@ -290,12 +293,26 @@ class ObserverRun:
         if first < processed:
             index = observer.ring["index"][np.arange(first, processed) % RING]
             self._samples.note(observer, first, index, self._nominal.rates(observer, first, processed))
-        for news in self._news:
+        results = [news for news in self._news if isinstance(news, InjectionReport | MeasuredMass)]
+        for news in sorted([*results, *self._lost.reports()], key=_position):
             match news:
                 case InjectionReport():
-                    run = self._samples.run_of(news)
-                    run.sink.take_report(news, self._samples.injection(run, news))
+                    run, report = self._samples.run_of(news), self._numbered(news)
+                    run.sink.take_report(report, self._samples.injection(run, report))
                 case MeasuredMass(report):
-                    self._samples.run_of(report).sink.take_measured(news)
+                    self._samples.run_of(report).sink.take_measured(replace(news, report=self._numbered(report)))
         self._news.clear()
         self._progress(processed)
+
+    def _numbered(self, report: InjectionReport) -> InjectionReport:
+        """The report with its number and event among all, those without a command included."""
+        numbers = self._last
+        if report.reason is Reason.NO_COMMAND:
+            self._added = self._added[0] + 1, report.event
+        else:
+            numbers = self._last = report.number, report.event
+        return replace(report, number=numbers[0] + self._added[0], event=numbers[1] + self._added[1])
+
+
+def _position(news: InjectionReport | MeasuredMass) -> int:
+    return (news.report if isinstance(news, MeasuredMass) else news).start_position

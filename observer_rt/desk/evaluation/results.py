@@ -19,7 +19,7 @@ from observer_rt.engine.reports.learned_laws import furthest
 from observer_rt.engine.service.noise import SIGNALS
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import plain_table, say
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MILLIGRAM
 from observer_rt.model.effective import Coefficients
 
 SCHEMA = 1
@@ -167,9 +167,12 @@ def print_evaluation(evaluation: Evaluation, c: Coefficients, console: Console, 
         say(console, "the lift is left out, for it misses injections: the needle goes by the commands")
     if evaluation.has_energizing:
         say(console, f"{counters.commands} commands, {counters.missing_injections} injections missing")
-    if (idle := evaluation.commands - count) > 0:
+    uncommanded = [result for result in evaluation.injections if result.reason is Reason.NO_COMMAND]
+    if (idle := evaluation.commands - count + len(uncommanded)) > 0:
         say(console, f"{idle} of {evaluation.commands} commands opened no needle")
-    if unseen := counters.unseen_injections:
+    if uncommanded:
+        say(console, _of_uncommanded(uncommanded, evaluation.injections))
+    elif unseen := counters.unseen_injections:
         more = f"{unseen} more that {'the lift' if evaluation.has_lift else 'the commands'} did not show"
         say(console, f"injections: {more}: the line pressure fell as by one; no row and no sum has its mass")
     for reason, numbers in not_valid.items():
@@ -211,6 +214,15 @@ def _not_valid(injections: Sequence[InjectionResult]) -> dict[Reason, list[int]]
         if not result.valid:
             numbers.setdefault(result.reason, []).append(result.number)
     return numbers
+
+
+def _of_uncommanded(rows: Sequence[InjectionResult], injections: Sequence[InjectionResult]) -> str:
+    """How many injections have no command, and what part of all that was injected, in words."""
+    masses, sums = ([result.mass for result in results] for results in (rows, injections))
+    text = f"{len(rows)} of {len(injections)} injections without a command: by the line pressure alone "
+    text += f"{np.nansum(masses) / MILLIGRAM:.2f} mg of {np.nansum(sums) / MILLIGRAM:.2f} mg in all"
+    lacking = int(np.isnan(masses).sum())
+    return text + (f"; {lacking} without a mass, which no sum has" if lacking else "")
 
 
 def _ranges(numbers: Sequence[int]) -> str:

@@ -65,6 +65,7 @@ class Reason(IntEnum):
     PRELIMINARY = 30  # the needle's lift is not recorded: the rate is known when the needle is shut
     LEARNING_LATE = 31  # the event left what was learned before, and could not be learned from in time
     COIL_CURRENT = 32  # the coil's current shows in the line pressure, and is not taken out yet
+    NO_COMMAND = 33  # the line pressure shows an injection that no command explains
 
 
 def sample_dtype(states: int) -> np.dtype[np.void]:

@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.desk.injection_map.map_fit import fit_map, masses_of
+from observer_rt.desk.injection_map.map_fit import fit_map
 from observer_rt.desk.injection_map.mass_map import MassMap
+from observer_rt.desk.injection_map.simulated_masses import masses_of
 from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, save_figure
@@ -57,7 +58,8 @@ def map_of(points):
 
 def errors(injector, points):
     """Modelled over measured masses of points, minus 1."""
-    return masses_of(injector, map_of(points)) / map_of(points).mass - 1
+    of = map_of(points)
+    return masses_of(injector, of.rail_pressure, of.energizing) / of.mass - 1
 
 
 done = fit_map(start, map_of(identified), lambda share: None)

@@ -12,8 +12,7 @@ from itertools import count
 import numpy as np
 
 from observer_rt.desk.injection_map.mass_map import MassMap
-from observer_rt.desk.simulation.plant import run_plant
-from observer_rt.desk.simulation.schedule import Shot, stroke
+from observer_rt.desk.injection_map.simulated_masses import masses_of
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, Floats
 from observer_rt.identification.fit.forms import (
@@ -35,14 +34,10 @@ from observer_rt.identification.likelihood.bounded_fit import (
     Residuals,
     fit,
 )
-from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
 
 BACK_PRESSURE = FreeParameter("p_C", "chamber", "pressure", "MPa", MEGAPASCAL, 0.0, 30e6, 5e6, 3.0, MEGAPASCAL)
 OTHER_PRESSURE = 1.3  # largest over smallest rail pressure, from which on a map tells of laws of the pressure
-BEFORE, AFTER = 0.2e-3, 0.5e-3  # s that are simulated before energizing, and after the needle has landed
-SAMPLE_RATE = 50e3  # Hz of simulated rates
 CLOSING_STARTS = (1.0, 0.4, 2.0)  # of the file's closing delay, from which fits may begin
 STEP = 1e-3  # of a finite difference, on a parameter's scale
 ROUGH = 8  # iterations before the spread of the map is known
@@ -141,9 +136,13 @@ class _MapProblem:
         values = [one.value_of(float(place)) for one, place in zip(self.free, theta, strict=True)]
         return with_values(self.file, self.free, np.array(values))
 
+    def masses(self, theta: Floats) -> Floats:
+        """Masses (n,) [kg] at theta."""
+        return masses_of(self.injector(theta), self.map.rail_pressure, self.map.energizing)
+
     def residuals(self, theta: Floats) -> Residuals:
         """Masses less those of the map, and theta less the file's, in standard deviations."""
-        z = (masses_of(self.injector(theta), self.map) - self.map.mass) / self.map.sigma
+        z = (self.masses(theta) - self.map.mass) / self.map.sigma
         prior = (theta - self.centre) / np.array([one.spread for one in self.free])
         return Residuals.of([(z, 0.0), (prior, 0.0)])
 
@@ -183,28 +182,11 @@ def fit_map(file: InjectorParameters, of: MassMap, progress: Callable[[float], N
     problem = _MapProblem(file, of, free)
     start = min(problem.starts(), key=lambda theta: problem.residuals(theta).statistic)
     first = problem.fitted(start, step, ROUGH)
-    left = (masses_of(problem.injector(first.theta), of) - of.mass) / of.sigma
+    left = (problem.masses(first.theta) - of.mass) / of.sigma
     freedom = left.size / max(left.size - len(free), 1)
     spread = max(1.0, freedom * (MAD * float(np.median(np.abs(left)))) ** 2)
     problem = replace(problem, map=replace(of, sigma=math.sqrt(spread) * of.sigma))
     best = problem.fitted(first.theta, step)
     injector = problem.injector(best.theta)
     covariance = np.asarray(np.linalg.inv(best.at.information), np.float64)
-    return MapFit(of, file, injector, free, masses_of(injector, of), covariance, spread)
-
-
-def masses_of(injector: InjectorParameters, of: MassMap) -> Floats:
-    """Masses (n,) [kg] of an injector at the points of a map."""
-    model = effective_model(injector)
-    points = zip(of.rail_pressure.tolist(), of.energizing.tolist(), strict=True)
-    return np.array([_mass(model, pressure, duration) for pressure, duration in points])
-
-
-def _mass(model: EffectiveModel, rail_pressure: float, energizing: float) -> float:
-    """Mass [kg] of a single shot [s] at a rail pressure [Pa]."""
-    made = stroke(Shot(energizing), BEFORE, rail_pressure, model.injector)
-    if made is None:
-        return 0.0
-    time = np.arange(math.ceil((made.landed + AFTER) * SAMPLE_RATE) + 1) / SAMPLE_RATE
-    truth = run_plant(model, [made], time, np.full(time.size, rail_pressure))
-    return float(truth.injection_rate.sum()) / SAMPLE_RATE * model.injector.fluid.density_nozzle
+    return MapFit(of, file, injector, free, problem.masses(best.theta), covariance, spread)

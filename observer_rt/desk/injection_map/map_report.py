@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from observer_rt.desk.injection_map.map_document import MapDocument, verdict_words
-from observer_rt.desk.injection_map.map_fit import MapFit, masses_of
-from observer_rt.desk.injection_map.mass_map import MassMap
+from observer_rt.desk.injection_map.map_fit import MapFit
+from observer_rt.desk.injection_map.simulated_masses import masses_of
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.figures import LOOK, NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, Z_95
@@ -57,8 +57,8 @@ def map_figure(done: MapFit) -> Figure:
         for pressure, colour in zip(
             pressures, mpl.colormaps["viridis"](np.linspace(0.0, 0.85, pressures.size)), strict=True
         ):
-            curve = MassMap(np.full(durations.size, pressure), durations, durations, durations)
-            masses.plot(durations / MILLISECOND, masses_of(done.injector, curve) / MILLIGRAM, color=colour, lw=1.0)
+            curve = masses_of(done.injector, np.full(durations.size, pressure), durations)
+            masses.plot(durations / MILLISECOND, curve / MILLIGRAM, color=colour, lw=1.0)
             at = of.rail_pressure == pressure
             times, bars = of.energizing[at] / MILLISECOND, Z_95 * of.sigma[at] / MILLIGRAM
             look = {"color": colour, "ms": 4.0, "label": f"{pressure / MEGAPASCAL:g} MPa"}

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.desk.injection_map.map_fit import BACK_PRESSURE, MapFit, fit_map, masses_of
+from observer_rt.desk.injection_map.map_fit import BACK_PRESSURE, MapFit, fit_map
 from observer_rt.desk.injection_map.mass_map import MassMap
+from observer_rt.desk.injection_map.simulated_masses import masses_of
 from observer_rt.foundation.units import Floats
 from observer_rt.model.parameters import InjectorParameters
 
@@ -35,9 +36,13 @@ HIDDEN = changed(
 )
 
 
+def masses_at(of: MassMap, injector: InjectorParameters) -> Floats:
+    return masses_of(injector, of.rail_pressure, of.energizing)
+
+
 def measured(injector: InjectorParameters, pressures: Floats, durations: Floats) -> MassMap:
     shape = MassMap(pressures.ravel(), durations.ravel(), *np.zeros((2, pressures.size)))
-    masses = masses_of(injector, shape) * np.random.default_rng(7).normal(1.0, NOISE, pressures.size)
+    masses = masses_at(shape, injector) * np.random.default_rng(7).normal(1.0, NOISE, pressures.size)
     return replace(shape, mass=masses, sigma=np.hypot(NOISE * masses, 0.02e-6))
 
 
@@ -81,9 +86,9 @@ def test_of_the_delays_masses_tell_the_difference_best(of_hidden: MapFit) -> Non
 
 def test_masses_between_the_points_are_those_of_the_hidden_injector(of_hidden: MapFit) -> None:
     between = measured(HIDDEN, OTHER_PRESSURES, OTHER_DURATIONS)
-    true = masses_of(HIDDEN, between)
-    assert np.abs(masses_of(NOMINAL, between) / true - 1.0).max() > 0.1
-    np.testing.assert_allclose(masses_of(of_hidden.injector, between), true, rtol=0.015)
+    true = masses_at(between, HIDDEN)
+    assert np.abs(masses_at(between, NOMINAL) / true - 1.0).max() > 0.1
+    np.testing.assert_allclose(masses_at(between, of_hidden.injector), true, rtol=0.015)
 
 
 def test_a_point_that_is_wrong_is_named_by_its_distance_and_misleads_little() -> None:
@@ -92,7 +97,7 @@ def test_a_point_that_is_wrong_is_named_by_its_distance_and_misleads_little() ->
     wrong[8] *= 1.5
     done = fitted(replace(true, mass=wrong))
     assert np.argmax(np.abs(done.off)) == 8
-    off = np.abs(masses_of(done.injector, true) - masses_of(HIDDEN, true)) / np.maximum(true.mass, 1e-6)
+    off = np.abs(masses_at(true, done.injector) - masses_at(true, HIDDEN)) / np.maximum(true.mass, 1e-6)
     assert np.median(off) < 0.01
     assert off.max() < 0.1
 

@@ -35,6 +35,10 @@ class EvaluateOptions:
         Path | None, Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR")
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): curves of some injections, masses, wear.")] = None
+    map: Annotated[
+        Path | None,
+        Option("Masses by rail pressure and energizing time (CSV), such as a test plan, to compare with."),
+    ] = None
     from_channel: options.FromChannel = ()
     injector: options.Injector = None
     force: options.Force = False

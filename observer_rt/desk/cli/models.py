@@ -94,11 +94,11 @@ def _fit_map(
 ) -> None:
     """Calibrate nozzle, back pressure and needle to a map of masses."""
     from observer_rt.desk.injection_map.map_document import document_of, write_map_fit
-    from observer_rt.desk.injection_map.map_fit import fit_map
+    from observer_rt.desk.injection_map.map_fit import FEWEST_POINTS, fit_map
     from observer_rt.desk.injection_map.map_report import draw_map_fit, print_map_fit
     from observer_rt.desk.injection_map.mass_map import read_map
 
-    of = read_map(path, start.fluid.density_nozzle)
+    of = read_map(path, start.fluid.density_nozzle, FEWEST_POINTS)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
             done = fit_map(start, of, progress)

@@ -18,6 +18,8 @@ from observer_rt.desk.evaluation.logged import LoggedSignals, observer_runs, ope
 from observer_rt.desk.evaluation.observer_run import Progress
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.desk.evaluation.trace import SUFFIXES, TRACE_SUFFIX
+from observer_rt.desk.injection_map.beside_map import beside_map, print_beside_map
+from observer_rt.desk.injection_map.mass_map import read_map
 from observer_rt.desk.recording_options import EvaluateOptions
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.injector import doubt_about_fit
@@ -37,6 +39,7 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
     paths, stated = without_companions(options.recordings, console), bench.injector.parameters
     c, traces = bench.injector.coefficients, _traces(paths, options)
     _refuse_early(paths, traces, options)
+    plan = None if options.map is None else read_map(options.map, stated.fluid.density_nozzle)
     knowledge = starting_knowledge("--state", options.state, stated, partial(say, console))
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     look_over(bench, sources, console)
@@ -56,12 +59,18 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
         )
     if options.save_state is not None:
         write_state(options.save_state, knowledge, stated)
+    points = None
+    if plan is not None:
+        injections = (injection for evaluation in evaluations for injection in evaluation.injections)
+        points = beside_map(plan, injections, stated)
     if options.json:
-        write_document(evaluations, model_hash(stated), c, sys.stdout)
+        write_document(evaluations, model_hash(stated), c, sys.stdout, points)
     else:
         is_fitted = stated.baseline is not None and stated.baseline.adequate
         for evaluation in evaluations:
             print_evaluation(evaluation, c, results(), is_fitted)
+        if points is not None:
+            print_beside_map(points, results())
     if options.plot is not None:
         from observer_rt.desk.evaluation.figures import pictures_of, plot_injections
 

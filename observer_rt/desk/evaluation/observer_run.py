@@ -1,5 +1,6 @@
 """Runs observer and nominal model over samples of recordings, and keeps samples that an injection may still need."""
 
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -14,8 +15,8 @@ from observer_rt.desk.evaluation.evaluation import Evaluation
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.lost_commands import LostCommands
 from observer_rt.desk.evaluation.trace import SAMPLE, InjectionSamples, Trace, trace_of, unknown
-from observer_rt.engine.observer import energize
-from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.observer import WINDOW_LEAD, energize
+from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
@@ -27,6 +28,7 @@ from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, cut
 from observer_rt.foundation.units import Bools, Floats, Ints
 from observer_rt.model.surroundings import Surroundings
 
+LONGEST_DELAY = 3e-3  # s from a command to the opening that answers it
 PIECE = 5e-3  # s of a recording, in which the surroundings are the same
 Progress = Callable[[int], None]  # samples done
 LOOK_BACK = RING  # samples that the observer remembers, and an injection may need
@@ -220,6 +222,7 @@ class ObserverRun:
         self._samples = HistorySamples()
         self._seen = 0  # samples of the core
         self._is_energized, self._energized_from = False, 0  # index of the last command's first sample
+        self._commands: list[tuple[int, int]] = []  # first indices and lengths, in samples
         self._lost = LostCommands(core)
         self._last = self._added = 0, 0  # number and event of the observer's last one; how many without a command
 
@@ -270,7 +273,9 @@ class ObserverRun:
                 self._energized_from = first_index + row
                 energize(observer, int(count[0]), self._energized_from)
             else:
-                energize(observer, int(count[0]) - 1, self._energized_from, first_index + row - self._energized_from)
+                length = first_index + row - self._energized_from
+                energize(observer, int(count[0]) - 1, self._energized_from, length)
+                self._commands.append((self._energized_from, length))
         self._is_energized = bool(level[-1])
         return int(np.count_nonzero(level[edges]))
 
@@ -297,12 +302,25 @@ class ObserverRun:
         for news in sorted([*results, *self._lost.reports()], key=_position):
             match news:
                 case InjectionReport():
-                    run, report = self._samples.run_of(news), self._numbered(news)
+                    run, report = self._samples.run_of(news), self._numbered(self._with_command(news))
                     run.sink.take_report(report, self._samples.injection(run, report))
                 case MeasuredMass(report):
                     self._samples.run_of(report).sink.take_measured(replace(news, report=self._numbered(report)))
         self._news.clear()
         self._progress(processed)
+
+    def _with_command(self, report: InjectionReport) -> InjectionReport:
+        """The report with the command of the recording that it answers, the last one before it opened."""
+        rate = 1.0 / self._core.compiled.observer.constants.interval
+        opening = report.start_index + round(WINDOW_LEAD * rate)
+        number = bisect_right(self._commands, (opening, 0)) - 1
+        if report.commanded or report.reason is Reason.NO_COMMAND or number < 0:
+            return report
+        start, length = self._commands[number]
+        delay = (opening - start) / rate
+        if delay > LONGEST_DELAY:
+            return report
+        return replace(report, commanded=CommandedOpening(number + 1, delay, length / rate))
 
     def _numbered(self, report: InjectionReport) -> InjectionReport:
         """The report with its number and event among all, those without a command included."""

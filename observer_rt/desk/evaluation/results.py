@@ -13,6 +13,7 @@ from rich.table import Table
 from observer_rt.core.stream.stream import FURTHEST_ZERO
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN, InjectionResult, in_words
 from observer_rt.desk.evaluation.evaluation import Evaluation
+from observer_rt.desk.injection_map.beside_map import ComparedPoint
 from observer_rt.engine.estimation.parameters import NOZZLE, SCALARS, SEAT
 from observer_rt.engine.reports.injection_report import FIELDS, WEAR, Field, beyond_learned, injection_record
 from observer_rt.engine.reports.learned_laws import furthest
@@ -80,10 +81,17 @@ def checks(evaluation: Evaluation, c: Coefficients) -> list[Check]:
     return result
 
 
-def write_document(evaluations: Sequence[Evaluation], model: str, c: Coefficients, out: TextIO) -> None:
-    """Write one JSON document. model: SHA-256 of the parameters; c: of the nominal model."""
+def write_document(
+    evaluations: Sequence[Evaluation],
+    model: str,
+    c: Coefficients,
+    out: TextIO,
+    points: Sequence[ComparedPoint] | None = None,
+) -> None:
+    """Write one JSON document. model: SHA-256 of the parameters; c: of the nominal model; points: beside a map."""
     recordings = [_recording_json(evaluation, c) for evaluation in evaluations]
-    json.dump({"schema": SCHEMA, "model_sha256": model, "recordings": recordings}, out, indent=2)
+    compared = {} if points is None else {"map": [point.model_dump() for point in points]}
+    json.dump({"schema": SCHEMA, "model_sha256": model, "recordings": recordings, **compared}, out, indent=2)
     out.write("\n")
 
 

@@ -37,6 +37,7 @@ from observer_rt.identification.likelihood.bounded_fit import (
 from observer_rt.model.parameters import InjectorParameters
 
 BACK_PRESSURE = FreeParameter("p_C", "chamber", "pressure", "MPa", MEGAPASCAL, 0.0, 30e6, 5e6, 3.0, MEGAPASCAL)
+FEWEST_POINTS = 4  # of a map
 OTHER_PRESSURE = 1.3  # largest over smallest rail pressure, from which on a map tells of laws of the pressure
 CLOSING_STARTS = (1.0, 0.4, 2.0)  # of the file's closing delay, from which fits may begin
 STEP = 1e-3  # of a finite difference, on a parameter's scale

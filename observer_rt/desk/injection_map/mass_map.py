@@ -16,7 +16,6 @@ from observer_rt.files.signals.csv_dialect import COMMENT, Dialect, dialect_of
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MASS_UNITS, PRESSURE_UNITS, TIME_UNITS, Floats, spelled
 
-FEWEST_POINTS = 4
 SHARE_SIGMA = 0.02  # of a mass whose uncertainty the table does not state, ..
 LEAST_SIGMA = 0.1e-6  # kg, .. and this beside it
 SIGMAS_IN_TOLERANCE = 2.0  # standard deviations in a tolerance of a test plan
@@ -58,8 +57,8 @@ class MassMap:
     back_pressure: float | None = None  # Pa; None: not stated
 
 
-def read_map(path: Path, density: float) -> MassMap:
-    """Reads a map; density: of the fuel [kg/m3], for volumes.
+def read_map(path: Path, density: float, fewest: int = 1) -> MassMap:
+    """Reads a map of so many points at least; density: of the fuel [kg/m3], for volumes.
 
     Raises `UserError` naming the line, for columns or units that are not certain, and for numbers out of range.
     """
@@ -67,8 +66,8 @@ def read_map(path: Path, density: float) -> MassMap:
         dialect = dialect_of(path, None, fewest=len(NEEDED), remedy=_EXAMPLE)
         columns = _columns(f"{path}, line {dialect.heading}", dialect)
         rows = [*_rows(path, dialect, columns)]
-    if len(rows) < FEWEST_POINTS:
-        raise UserError(str(path), f"holds {len(rows)} points", f"give {FEWEST_POINTS} or more, of several durations")
+    if len(rows) < fewest:
+        raise UserError(str(path), f"holds {len(rows)} points", f"give {fewest} or more, of several durations")
     values = {name: np.array([row[name] for row in rows]) for name in columns}
     mass = values["mass"] * (density if columns["mass"].is_volume else 1.0)
     sigma = np.hypot(SHARE_SIGMA * mass, LEAST_SIGMA)
@@ -143,14 +142,14 @@ def _rows(path: Path, dialect: Dialect, columns: Mapping[str, _Place]) -> Iterat
 
 def _row(location: str, cells: Sequence[str], decimal: str, columns: Mapping[str, _Place]) -> dict[str, float]:
     row = {}
-    for name, place in columns.items():
-        text = cells[place.number].strip() if place.number < len(cells) else ""
+    for name, column in columns.items():
+        text = cells[column.number].strip() if column.number < len(cells) else ""
         value = math.nan
         with suppress(ValueError):
-            value = float(text.replace(decimal, ".")) * _COLUMNS[name].units[place.unit]
-        largest = _COLUMNS[name].largest / (1.0 if not place.is_volume else 1e3)
+            value = float(text.replace(decimal, ".")) * _COLUMNS[name].units[column.unit]
+        largest = _COLUMNS[name].largest / (1.0 if not column.is_volume else 1e3)
         if not 0.0 <= value <= largest or (value == 0.0 and name in ("rail_pressure", "energizing")):
-            problem = f"'{text}' {place.unit} in '{place.heading}' is no {name.replace('_', ' ')}"
+            problem = f"'{text}' {column.unit} in '{column.heading}' is no {name.replace('_', ' ')}"
             raise UserError(location, problem, f"give a number of the right unit in every row; {_EXAMPLE}")
         row[name] = value
     return row

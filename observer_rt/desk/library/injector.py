@@ -19,7 +19,7 @@ from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learn_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import evaluate_runs, look_over, starting_knowledge
 from observer_rt.desk.injection_map.map_document import write_map_fit
-from observer_rt.desk.injection_map.map_fit import fit_map
+from observer_rt.desk.injection_map.map_fit import FEWEST_POINTS, fit_map
 from observer_rt.desk.injection_map.mass_map import read_map
 from observer_rt.desk.library.fit import FitResult, MapResult, fitted_model, weighed_masses
 from observer_rt.desk.library.notes import CallNotes, naming_parameters, noted, screen
@@ -172,7 +172,7 @@ class Injector:
         RunError
             Where the model has no solution.
         """
-        of = read_map(path_of("masses", masses), self.parameters.fluid.density_nozzle)
+        of = read_map(path_of("masses", masses), self.parameters.fluid.density_nozzle, FEWEST_POINTS)
         with progress_bar(screen, "fitting", 1.0) as progress:
             done = fit_map(self.parameters, of, progress)
         with TemporaryDirectory() as folder:

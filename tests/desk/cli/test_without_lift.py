@@ -26,6 +26,22 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
     assert f"{path}, needle_lift: was not recorded" in outcome.err.replace("\n", "")
 
 
+def test_its_injections_are_compared_with_a_test_plan(tmp_path: Path, command: Command) -> None:
+    path, plan = tmp_path / "no_lift.csv", tmp_path / "plan.csv"
+    points = "--rail-pressure", "60,120", "--energizing-time", "0.7,1.4", "--injections", 4
+    command.done("simulate", *points, "--no-lift", "--effect", "orifice_area:v_H=0.3", "--output", path)
+    plan.write_text("p [bar];ET [us];mass [mg];tolerance [%]\n600;700;32,2;8\n1200;1400;140;8\n900;700;40;8\n")
+    worn, wide, none = document(command, path, "--map", plan)["map"]
+    assert (worn["injections"], worn["verdict"]) == (2, "outside")
+    assert worn["mass_mg"] > 1.2 * worn["stated_mg"]
+    assert (wide["injections"], none["injections"], none["mass_mg"]) == (2, 0, None)
+    text = command.done("evaluate", path, "--map", plan).out
+    assert "beside the map" in text
+    assert "1 of 3 points have no valid injection" in text
+    plan.write_text("p [bar];ET [us];mass\n600;700;40\n")
+    assert f"{plan}, line 1: 'mass': no unit" in command.refused("evaluate", path, "--map", plan)
+
+
 POINTS = "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", 6
 
 

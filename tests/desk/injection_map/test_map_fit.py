@@ -47,10 +47,10 @@ def measured(injector: InjectorParameters, pressures: Floats, durations: Floats)
 
 
 def fitted(of: MassMap) -> MapFit:
-    told: list[float] = []
-    done = fit_map(NOMINAL, of, told.append)
-    assert told == sorted(told)
-    assert 0.0 <= told[0] < told[-1] <= 1.0
+    shares: list[float] = []
+    done = fit_map(NOMINAL, of, shares.append)
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] < shares[-1] <= 1.0
     return done
 
 

@@ -1,4 +1,4 @@
-"""Maps of masses as workshops and data sheets have them: columns, units and dialects; and what is refused."""
+"""Maps of masses as workshops and data sheets have them: columns, units, dialects, mistakes."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ POINTS = [(30e6, 0.6e-3, 8e-6), (80e6, 0.6e-3, 18e-6), (120e6, 0.8e-3, 32.4e-6),
 def map_of(text: str, folder: Path) -> MassMap:
     path = folder / "map.csv"
     path.write_text(text, encoding="utf-8")
-    return read_map(path, DENSITY)
+    return read_map(path, DENSITY, 4)
 
 
 @pytest.mark.parametrize(

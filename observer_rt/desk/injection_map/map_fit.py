@@ -119,11 +119,7 @@ class _MapProblem:
     @property
     def centre(self) -> Floats:
         """Theta (p,) of the file."""
-        return np.array([one.theta_of(value) for one, value in zip(self.free, self._stated, strict=True)])
-
-    @property
-    def _stated(self) -> Floats:
-        return values_of(self.file, self.free)
+        return np.array([one.theta_of(one.of(self.file)) for one in self.free])
 
     def starts(self) -> Iterator[Floats]:
         """Theta from which a search may begin."""
@@ -154,12 +150,7 @@ class _MapProblem:
             step()
             return self.residuals(theta)
 
-        ranges = [
-            Range(one.theta_of(one.lowest), one.theta_of(one.highest), STEP)
-            if not one.linear
-            else Range(one.lowest / one.linear, one.highest / one.linear, STEP)
-            for one in self.free
-        ]
+        ranges = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), STEP) for one in self.free]
         minimum = fit(residuals, start, ranges, most)
         if minimum is None or not np.isfinite(minimum.statistic):
             raise RunError("the file's injector has no solution", "correct its geometry: observer-rt check --model")
@@ -183,11 +174,15 @@ def fit_map(file: InjectorParameters, of: MassMap, progress: Callable[[float], N
     problem = _MapProblem(file, of, free)
     start = min(problem.starts(), key=lambda theta: problem.residuals(theta).statistic)
     first = problem.fitted(start, step, ROUGH)
-    left = (problem.masses(first.theta) - of.mass) / of.sigma
-    freedom = left.size / max(left.size - len(free), 1)
-    spread = max(1.0, freedom * (MAD * float(np.median(np.abs(left)))) ** 2)
+    spread = _spread((problem.masses(first.theta) - of.mass) / of.sigma, len(free))
     problem = replace(problem, map=replace(of, sigma=math.sqrt(spread) * of.sigma))
     best = problem.fitted(first.theta, step)
     injector = problem.injector(best.theta)
     covariance = np.asarray(np.linalg.inv(best.at.information), np.float64)
     return MapFit(of, file, injector, free, problem.masses(best.theta), covariance, spread)
+
+
+def _spread(left: Floats, parameters: int) -> float:
+    """Variance of normalised differences (n,) that few outliers do not change, 1 at least."""
+    freedom = left.size / max(left.size - parameters, 1)
+    return max(1.0, freedom * (MAD * float(np.median(np.abs(left)))) ** 2)

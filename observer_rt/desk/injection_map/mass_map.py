@@ -18,6 +18,7 @@ from observer_rt.foundation.units import CUBIC_MILLIMETRE, MASS_UNITS, PRESSURE_
 
 SHARE_SIGMA = 0.02  # of a mass whose uncertainty the table does not state, ..
 LEAST_SIGMA = 0.1e-6  # kg, .. and this beside it
+LEAST_DENSITY = 500.0  # kg/m3, of a fuel, by which the largest volume follows from the largest mass
 SIGMAS_IN_TOLERANCE = 2.0  # standard deviations in a tolerance of a test plan
 _VOLUMES = {"mm3": CUBIC_MILLIMETRE, "ul": CUBIC_MILLIMETRE, "cm3": 1e-6, "ml": 1e-6}  # m3
 _MASSES = {**MASS_UNITS, **_VOLUMES}
@@ -70,6 +71,8 @@ def read_map(path: Path, density: float, fewest: int = 1) -> MassMap:
         raise UserError(str(path), f"holds {len(rows)} points", f"give {fewest} or more, of several durations")
     values = {name: np.array([row[name] for row in rows]) for name in columns}
     mass = values["mass"] * (density if columns["mass"].is_volume else 1.0)
+    if not mass.any():
+        raise UserError(str(path), "holds no mass above 0", _EXAMPLE)
     sigma = np.hypot(SHARE_SIGMA * mass, LEAST_SIGMA)
     if (stated := columns.get("sigma")) is not None:
         factor = mass if stated.is_share else density if stated.is_volume else 1.0
@@ -147,7 +150,7 @@ def _row(location: str, cells: Sequence[str], decimal: str, columns: Mapping[str
         value = math.nan
         with suppress(ValueError):
             value = float(text.replace(decimal, ".")) * _COLUMNS[name].units[column.unit]
-        largest = _COLUMNS[name].largest / (1.0 if not column.is_volume else 1e3)
+        largest = _COLUMNS[name].largest / (LEAST_DENSITY if column.is_volume else 1.0)
         if not 0.0 <= value <= largest or (value == 0.0 and name in ("rail_pressure", "energizing")):
             problem = f"'{text}' {column.unit} in '{column.heading}' is no {name.replace('_', ' ')}"
             raise UserError(location, problem, f"give a number of the right unit in every row; {_EXAMPLE}")

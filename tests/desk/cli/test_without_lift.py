@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
@@ -24,6 +26,43 @@ def test_it_is_evaluated_and_what_needs_the_lift_says_so(tmp_path: Path, command
     outcome = command("convert", path, log, "--bench", bench)
     assert outcome.code == 2
     assert f"{path}, needle_lift: was not recorded" in outcome.err.replace("\n", "")
+
+
+LAYOUT = """
+[recording.time]
+column = "time_s"
+unit = "s"
+[recording.rail_pressure]
+column = "rail_pressure_MPa"
+unit = "MPa"
+[recording.line_pressure]
+column = "line_pressure_MPa"
+unit = "MPa"
+[recording.energizing]
+column = "coil_A"
+factor = 0.25
+"""
+
+
+def test_a_coil_current_serves_for_the_level(tmp_path: Path, command: Command) -> None:
+    """Peak and hold, from 2 A on: some 30 us late at the beginning, and 90 us at the end, which is learned."""
+    path, measured, bench = tmp_path / "level.csv", tmp_path / "current.csv", tmp_path / "bench.toml"
+    points = "--rail-pressure", "60,120", "--energizing-time", "0.6,1.4", "--injections", 4
+    command.done("simulate", *points, "--no-lift", "--output", path)
+    table = pd.read_csv(path)
+    level, current, since = table.pop("energizing").to_numpy(), np.zeros(len(table)), 0
+    for n in range(1, len(table)):
+        since = since + 1 if level[n] else 0
+        aim = 18.0 if since < 35 else 9.0
+        current[n] = min(current[n - 1] + 0.8, aim) if since else 0.85 * current[n - 1]
+    table["coil_A"] = current + np.random.default_rng(1).normal(0.0, 0.1, len(table))
+    table.to_csv(measured, index=False)
+    bench.write_text(command("run", "--print-example-bench").out + LAYOUT)
+    by_level, by_current = (
+        [injection["mass_mg"] for injection in document(command, *words)["recordings"][0]["injections"]]
+        for words in ((path,), (measured, "--bench", bench))
+    )
+    assert by_current == pytest.approx(by_level, rel=0.005)
 
 
 def test_its_injections_are_compared_with_a_test_plan(tmp_path: Path, command: Command) -> None:

@@ -1,5 +1,6 @@
 """The document of a fit to a map of masses, which `--json` writes and the screen shows, and its injector file."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from observer_rt.identification.fit.fitted_file import BASELINE, set_numbers
 from observer_rt.identification.fit.forms import FittedNumber
 
 DIFFERENCE = "needle.closing_delay less opening_delay"
+NOTEWORTHY = 1.2  # times the uncertainties of a map, from which on their scatter is said
 FAR = 3.0  # standard deviations of the map, spread included, from which on a point is named
 _NAMED = 5  # points that a verdict names at most
 
@@ -72,8 +74,8 @@ def verdict_words(done: MapFit) -> str:
     far = [point for point in _points(done) if abs(point.off_sigmas) > FAR * done.spread**0.5]
     far.sort(key=lambda point: -abs(point.off_sigmas))
     words = f"{done.map.mass.size} masses explained to {done.rms:.1%} (rms, weighed)"
-    if done.spread > 1.0:
-        words += f", {done.spread**0.5:.1f} times what the map's uncertainties allow, which is in the intervals"
+    if (times := math.sqrt(done.spread)) > NOTEWORTHY:
+        words += f", {times:.1f} times what the map's uncertainties allow, which is in the intervals"
     if far:
         named = (
             f"{point.rail_pressure_MPa:g} MPa, {point.energizing_ms:g} ms ({point.fitted_mg - point.mass_mg:+.2g} mg)"

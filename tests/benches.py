@@ -54,7 +54,6 @@ def block_bench(folder: Path, interface: str, channels: Sequence[str]) -> Path:
 
 
 def own_bench(folder: Path, database: str, signals: Mapping[str, str], extra: str = "") -> Path:
-    """A bench file with a database of a user's own beside ours; signals: the lines of each role."""
     sections = "".join(f"[signals.{role}]\n{lines}\n" for role, lines in signals.items())
     path = _written(folder, f'[[dbc]]\nfile = "user.dbc"\n[[dbc]]\nfile = "observer_fd.dbc"\n{sections}{extra}')
     (folder / "user.dbc").write_text(database)

@@ -21,8 +21,7 @@ calculate_in_one_thread()  # before a test imports numpy, as the command does
 
 # how long an example takes says nothing on a machine that does something else, too
 examples = int(os.environ.get("OBSERVER_RT_TEST_EXAMPLES", "25"))
-# and what examples write anew may lie in one folder
-settings.register_profile(
+settings.register_profile(  # and what examples write anew may lie in one folder
     "unhurried", deadline=None, max_examples=examples, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 settings.load_profile("unhurried")
@@ -36,7 +35,6 @@ COUNTS_VARIABLE = "OBSERVER_RT_TEST_COUNTS"
 
 
 def interface_ready() -> bool:
-    """True if vcan0 is up and carries CAN FD frames."""
     folder = Path("/sys/class/net", INTERFACE)
     try:
         flags = int((folder / "flags").read_text(), 16)
@@ -80,7 +78,6 @@ class SocketCounter:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        """Attribute what happens from set-up to tear-down to this test."""
         self._running = item
         try:
             return (yield)

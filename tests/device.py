@@ -1,8 +1,6 @@
-"""Where tests make frames: those a measuring device sends, what befalls them on the way, what a core makes of them.
+"""Where tests make frames: those of a measuring device, what befalls them on the way, what a core makes of them.
 
-`Device` and `frames_of` encode a recording by the bench file, `encoded` any message by plain cantools; others alter
-frames, and `run` hands them to a core, whose `Result` is read by plain cantools and autosar-e2e. In `tests.daemon`:
-`participants` on buses, `pulses`, `slow_frames`, `foreign_frames`, and `time_frames` with clocks of their own.
+`frames_of` encodes by the bench file, `encoded` by plain cantools; a `Result` is read by cantools and autosar-e2e.
 """
 
 import math
@@ -54,7 +52,6 @@ def simulated(
 
 
 def worn_recording(injections: int = 4, v_h: float = 0.3) -> Recording:
-    """The same at alternating pressures."""
     return simulated(injections, v_h, (60e6, 120e6), seed=3)
 
 
@@ -130,7 +127,6 @@ def inserted(frames: Sequence[TimedFrame], at: Iterable[tuple[int, TimedFrame]])
 
 
 def merged(*sources: Iterable[TimedFrame]) -> list[TimedFrame]:
-    """The frames of several senders in order of time."""
     return sorted((frame for source in sources for frame in source), key=lambda frame: frame.time)
 
 
@@ -158,8 +154,6 @@ def candump_lines(frames: Iterable[TimedFrame], channels: Sequence[str] = ("can0
 
 @dataclass
 class Notes:
-    """Listener that collects all reports and notices."""
-
     injections: list[InjectionReport] = field(default_factory=list)
     measured: list[MeasuredMass] = field(default_factory=list)
     missing: list[MissingInjection] = field(default_factory=list)
@@ -232,7 +226,6 @@ class Result:
 
 
 def core_of(bench: Path | Bench, **options: Any) -> Core:
-    """The core of a bench; options: its own."""
     loaded = _loaded(bench)
     return Core(loaded.injector, map_bus(loaded), **options)
 
@@ -246,8 +239,6 @@ def run(bench: Path | Bench, frames: Iterable[TimedFrame], **options: Any) -> Re
 
 
 class Traffic(NamedTuple):
-    """Frames of the bench, and what the core makes of them undisturbed."""
-
     bench: Path
     frames: list[TimedFrame]
     result: Result

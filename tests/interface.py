@@ -18,7 +18,6 @@ class OwnInterface:
         self.add()
 
     def add(self) -> None:
-        """Plug it in, up and with CAN FD."""
         self._ip("link", "add", "dev", self.name, "type", "vcan")
         self._ip("link", "set", self.name, "mtu", "72", "up")
 
@@ -29,14 +28,10 @@ class OwnInterface:
         self._ip("link", "set", self.name, "up")
 
     def remove(self) -> None:
-        """Pull the plug."""
         self._ip("link", "delete", self.name)
 
     def slow_down(self, bytes_per_s: int, queue_bytes: int) -> None:
-        """Let frames leave at this rate; a queue holds those that wait, and the kernel refuses more.
-
-        Listeners hear a frame here when it enters the queue. A CAN FD frame counts FRAME_BYTES.
-        """
+        """Let frames leave at this rate; beyond a queue the kernel refuses them; a CAN FD frame is FRAME_BYTES."""
         shape = f"tbf rate {8 * bytes_per_s}bit burst {2 * FRAME_BYTES} limit {queue_bytes}"
         _run("tc", "qdisc", "replace", "dev", self.name, "root", *shape.split())
 

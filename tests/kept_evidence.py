@@ -15,7 +15,6 @@ from tests.device import core_of, frames_of, hand
 
 @contextmanager
 def keeping(bench: Bench, messages: list[str]) -> Iterator[EvidenceKeeper]:
-    """Keeper of a bench's evidence, with its process."""
     folder = bench.injector.evidence
     assert folder is not None
     with evidence_keeper(bench.injector, folder, messages.append) as keeper, keeper.keeping():

@@ -1,7 +1,6 @@
 """`python -m tests.mutations`: small faults planted one by one, and whether the mirrored tests notice.
 
-Faults of every room in turn. The test file of the module's name runs first, then those that import it, then the
-room's folder, without slow tests, within --seconds of processor. In a clone: it writes into the sources.
+In a clone: it writes into the sources. Tests run within --seconds of processor, those of the module's name first.
 """
 
 import random
@@ -39,8 +38,6 @@ DECLARATION = re.compile(
 
 
 class Fault(NamedTuple):
-    """A source with another text in one place, and the words for that."""
-
     path: Path
     source: str
     words: str

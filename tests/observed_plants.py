@@ -37,7 +37,6 @@ class ObservedRun:
 
     @property
     def error(self) -> float:
-        """Relative error of all masses together."""
         return float(sum(report.mass for report in self.reports) / self.true.sum() - 1.0)
 
     @property

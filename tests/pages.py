@@ -47,7 +47,6 @@ PAGES = [Page("README.md"), *(Page(f"docs/{path.name}") for path in sorted((ROOT
 
 
 def needs_bus(command: str) -> bool:
-    """Whether a command line listens or sends."""
     return bool(re.match(r"observer-rt (run|record|replay)\b(?!.*--print-|.*--interface virtual)", command))
 
 

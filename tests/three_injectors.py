@@ -59,7 +59,6 @@ class Three(NamedTuple):
 
 
 def three_on(folder: Path, channel: str, interface: str = "virtual") -> Three:
-    """Bench files in a folder, and what comes on their bus."""
     bench = three_injectors(folder, channel, interface)
     alone = [one_alone(folder, number, channel) for number in range(len(NAMES))]
     recordings = three_recordings()

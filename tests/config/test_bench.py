@@ -45,7 +45,6 @@ def injector_file(folder: Path, old: str, new: str) -> Path:
 
 
 def require_refusal(load: Callable[[Path], object], path: Path, location: str, said: str) -> None:
-    """At this place of the file, in these words of problem and remedy."""
     with pytest.raises(UserError) as refused:
         load(path)
     error = refused.value

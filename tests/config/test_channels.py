@@ -25,7 +25,6 @@ ALL = {
 
 
 def stated(folder: Path, **keys: str) -> BenchInjector:
-    """The injector of a bench with these lines in sections of its signals."""
     return load_bench(bench_file(folder, with_keys(BENCH, **keys))).injector
 
 

@@ -24,7 +24,6 @@ STRANGE = (
 
 
 def place_of_refusal(load: Load, path: Path) -> str | None:
-    """None when the file was read."""
     try:
         load(path)
     except UserError as error:
@@ -78,7 +77,6 @@ def test_damaged_bytes(
 def test_strange_values(
     tmp_path_factory: pytest.TempPathFactory, source: Path, load: Load, number: int, value: str
 ) -> None:
-    """The n-th value of a file, counted round and round."""
     path = tmp_path_factory.getbasetemp() / source.name
     text = source.read_text()
     values = list(re.finditer(r"(?m)^\w+ = (\S+)", text))

@@ -33,7 +33,6 @@ END_TIMEOUT = 60.0  # s, in which it must work off what the bus still holds
 
 
 def write_bench(folder: Path, interface: str, channel: str, rate_hz: float) -> Path:
-    """The example bench on another channel and rate, learning in lockstep."""
     text = exact_text(EXAMPLE_BENCH)
     for old, new in (
         ('interface = "socketcan"', f'interface = "{interface}"'),
@@ -56,8 +55,6 @@ def command(*arguments: str | Path) -> list[str]:
 
 @dataclass
 class ResultFrames:
-    """Frames of the daemon in the order heard, by message."""
-
     rates: list[bytes]
     summaries: list[bytes]
     statuses: list[bytes]
@@ -75,7 +72,6 @@ def payloads(frames: Iterable[OutputFrame] | Iterable[Frame], message: Message) 
 
 
 def results_of(frames: Sequence[OutputFrame]) -> tuple[list[bytes], list[bytes]]:
-    """What rates carry, and summaries."""
     return payloads(frames, RATE), payloads(frames, SUMMARY)
 
 
@@ -103,7 +99,6 @@ def published_rates(payloads: Sequence[bytes], samples: int) -> tuple[NDArray[np
 
 
 def output_bus(interface: str, channel: str, filters: can.typechecking.CanFilters = OUTPUTS) -> can.BusABC:
-    """A plain python-can bus that hears the daemon only."""
     return can.Bus(interface=interface, channel=channel, fd=True, can_filters=filters)
 
 
@@ -134,7 +129,6 @@ class Listener:
 def run_over(
     bench: Path, recording: Path, bus: can.BusABC, speed: float, samples: int, *options: str
 ) -> ResultFrames:
-    """Replay a recording to the daemon, both as processes of their own, and listen on `bus`."""
     listener = Listener(bus)
     daemon = subprocess.Popen(command("run", "--bench", bench, *options), stderr=subprocess.PIPE, text=True)
     try:
@@ -164,7 +158,6 @@ def _processed(results: ResultFrames) -> int:
 
 
 def wait_for(condition: Callable[[], bool], timeout: float, process: subprocess.Popen[str]) -> None:
-    """Wait until it holds, the process still there."""
     end = time.monotonic() + timeout
     while not condition():
         assert process.poll() is None, f"it ended: {process.stderr.read() if process.stderr else ''}"

@@ -40,7 +40,6 @@ PATIENCE = 180.0  # s, after which the test fails: the machine is too slow, or t
 
 
 def until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
-    """Wait until it holds, so long [s] at the most."""
     end = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < end, "machine too slow, or the daemon is stuck"
@@ -114,7 +113,6 @@ class HeardDaemon(Daemon):
     def __init__(
         self, bench: Path | Bench, *links: Link, references: References | None = None, **options: Any
     ) -> None:
-        """references: of `SnapshotKeeper`; options: of `Daemon`."""
         loaded = bench if isinstance(bench, Bench) else load_bench(bench)
         bus = map_bus(loaded)
         self.notes, self.snapshots = Notes(), SnapshotKeeper(loaded, references)
@@ -141,7 +139,6 @@ class PumpRun:
         self.pump = FramePump([link], self.core, bus, self.arrivals, self.unsent.append)
 
     def serve_until_taken(self, frames: int) -> list[OutputFrame]:
-        """Frames handed over meanwhile."""
         handed: list[OutputFrame] = []
         end = time.monotonic() + PATIENCE
         while self.arrivals.frames < frames:
@@ -163,7 +160,6 @@ class PumpRun:
 
 
 def drawn(screen: View, width: int = 80, height: int = 24) -> list[str]:
-    """Lines on a terminal of this size."""
     file = io.StringIO()
     console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
     console.print(screen.render(width, height))
@@ -195,7 +191,6 @@ def serving(daemon: Daemon) -> Iterator[threading.Event]:
 
 @contextmanager
 def listening(interface: str, channel: str, filters: can.typechecking.CanFilters = OUTPUTS) -> Iterator[Listener]:
-    """Another participant that notes what the daemon says."""
     with output_bus(interface, channel, filters) as bus:
         listener = Listener(bus)
         try:
@@ -205,7 +200,6 @@ def listening(interface: str, channel: str, filters: can.typechecking.CanFilters
 
 
 def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:
-    """Bench at SAMPLE_RATE, learning in lockstep."""
     return write_bench(folder, interface, channel, SAMPLE_RATE)
 
 

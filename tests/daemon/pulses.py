@@ -69,8 +69,6 @@ BED: Database = cantools.database.load_string(TEXT, "dbc")
 
 
 class EnergizingBy:
-    """Lines of [signals.energizing]: the message of the test bed that carries the energizing."""
-
     LEVEL = 'message = "PulseLevel"\nsignal = "Energized"\nindex = "PulseIndex"\n'
     TIME = 'message = "PulseTime"\nsignal = "Duration"\nindex = "PulseIndex"\n'
     TIME_BY_STAMP = 'message = "PulseTime"\nsignal = "Duration"\n'
@@ -81,7 +79,6 @@ class EnergizingBy:
 
 
 def pulse_bench(folder: Path, energizing: str, extra: str = "") -> Path:
-    """A bench with the lines of [signals.energizing], on a bus where frames take no time."""
     (folder / "bed.dbc").write_text(TEXT)
     link = f'[link]\ninterface = "virtual"\nchannel = "{folder.name}"\n'
     return sample_bench(folder, extra=f'{extra}\n{link}[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{energizing}')
@@ -134,7 +131,6 @@ def level_frame(name: str, level: int, time: float, index: int | None = None) ->
 
 
 def on_change(pulses: Pulses, offset: int = 0) -> list[TimedFrame]:
-    """`PulseLevel` as energizing starts and ends."""
     return [
         level_frame("PulseLevel", level, time, index_at(time, offset))
         for start, duration in pulses
@@ -148,7 +144,6 @@ def duration_frame(duration: float, time: float, index: int) -> TimedFrame:
 
 
 def durations(pulses: Pulses) -> list[TimedFrame]:
-    """`PulseTime` as energizing starts."""
     return [duration_frame(duration, start, index_at(start)) for start, duration in pulses]
 
 
@@ -166,7 +161,6 @@ def is_on(pulses: Pulses, time: float) -> bool:
 
 
 def cyclic(pulses: Pulses, end: float, phase: float = 0.0004) -> list[TimedFrame]:
-    """`PulseCyclic` every millisecond."""
     times = (phase + 1e-3 * np.arange(int((end - phase) / 1e-3))).tolist()
     return [level_frame("PulseCyclic", int(is_on(pulses, time)), time) for time in times]
 

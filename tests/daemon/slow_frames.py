@@ -29,7 +29,6 @@ PAGES = {"LearnEnable": 1, "Mass": 2}
 
 
 def slow_bench(folder: Path, roles: dict[str, tuple[str, str]], extra: str = "") -> Path:
-    """A bench of one message of samples, with optional roles in the (message, signal) given."""
     (folder / "bed.dbc").write_text(TEXT)
     signals = "".join(
         f'[signals.{role}]\nmessage = "{message}"\nsignal = "{signal}"\n' for role, (message, signal) in roles.items()
@@ -47,6 +46,5 @@ def bed(signal: str, value: float | None) -> TimedFrame:
 
 
 def safe_bed(counter: int, enable: int = 1, mass: float = 0.0) -> TimedFrame:
-    """A frame of `SafeBed`; mass [kg]."""
     message = BED.get_message_by_name("SafeBed")
     return protected(encoded(message, {"LearnEnableSafe": enable, "MassSafe": mass}), DATA_ID, counter)

@@ -31,7 +31,6 @@ Frames = Callable[[Recording], Iterable[TimedFrame]]
 
 
 def rates_of(result: Result) -> dict[int, float]:
-    """The last rates [m3/s] that a core estimated, by sample index."""
     rows = result.core.rows(0, result.core.processed)
     return dict(zip(rows["index"].tolist(), rows["injection_rate"].tolist(), strict=True))
 
@@ -139,7 +138,6 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
 
 
 def test_a_daemon_sends_summaries_and_status_in_pages(tmp_path: Path) -> None:
-    """Classic frames only."""
     text = (DATABASES / "testbed_classic.toml").read_text()
     text = text.replace('"testbed_classic.dbc"', f'"{DATABASES / "testbed_classic.dbc"}"')
     path = tmp_path / "bench.toml"
@@ -160,7 +158,6 @@ def test_a_daemon_sends_summaries_and_status_in_pages(tmp_path: Path) -> None:
 
 
 def classic_layout(folder: Path, rate: float) -> Path:
-    """A bench that uses nothing but our classic layout."""
     roles = {"rail_pressure": "RailPressure", "needle_lift": "NeedleLift", "line_pressure": "LinePressure"}
     text = '[link]\nfd = false\ninterface = "virtual"\n[[dbc]]\nfile = "observer_classic.dbc"\n'
     text += "".join(f'[signals.{role}]\nmessage = "Sample"\nsignal = "{name}"\n' for role, name in roles.items())
@@ -170,10 +167,7 @@ def classic_layout(folder: Path, rate: float) -> Path:
 
 
 def test_our_classic_layout(tmp_path: Path) -> None:
-    """Without an index frames are counted by counter and time: nothing is valid until that clock is trusted.
-
-    Then the estimate is that of our FD layout to 1 %, a quarter of its interval: the clock moves by microseconds.
-    """
+    """Nothing is valid until the clock by counter and time is trusted; then estimates are our FD layout's to 1 %."""
     schedule = make_schedule([100e6], 10, 0.2, [1.1e-3])
     effects = (sized("orifice_area", v_H=0.2),)
     data = simulate(load_injector(), schedule, 10e3, effects, SimulatedNoise(), seed=8).recording

@@ -24,7 +24,6 @@ from tests.device import frames_of, merged, worn_recording
 
 @pytest.fixture(params=["virtual", pytest.param("socketcan", marks=pytest.mark.vcan)])
 def bus(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, float]:
-    """A bench on the bus of this process, or on a real interface, and the speed of replay on it."""
     if request.param == "virtual":
         return bench_file(tmp_path, "daemon-test"), math.inf
     return bench_file(tmp_path, request.getfixturevalue("vcan"), "socketcan"), 0.1
@@ -68,7 +67,6 @@ def test_status_comes_in_its_period(bench: Path) -> None:
 
 
 def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> None:
-    """With its reason, and with all that was learned until then."""
     others = set(threading.enumerate())
     daemon = HeardDaemon(bench, ScriptedLink(frames, RunError("the interface went away")))
     with pytest.raises(RunError, match="the interface went away"):
@@ -89,8 +87,6 @@ def test_writes_that_failed_are_counted_in_the_status(bench: Path, frames: list[
 
 
 class HangingLink(ScriptedLink):
-    """Does not come back from `receive` until it is released."""
-
     def __init__(self) -> None:
         super().__init__()
         self.may_return = threading.Event()

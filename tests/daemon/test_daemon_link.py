@@ -84,7 +84,6 @@ def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path) -> None:
         assert link.sent == []
 
         def is_settled() -> bool:
-            """Whether the rates of the last frames were given up, too."""
             before = daemon.unsent
             time.sleep(0.2)
             return daemon.unsent == before > 0
@@ -154,7 +153,6 @@ def has_taken(daemon: Daemon, frames: int) -> bool:
 
 
 def deliver(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[TimedFrame]) -> None:
-    """The frames, in portions, each when the one before has been taken."""
     for start in range(0, len(frames), PORTION):
         portion = frames[start : start + PORTION]
         taken = daemon.core.counters.frames + len(portion)
@@ -181,7 +179,6 @@ def test_a_bus_unreadable_for_a_while_is_waited_for(four: Path, monkeypatch: pyt
 
 
 def observes_all(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[TimedFrame]) -> None:
-    """Nothing is lost of frames that all wait in the drivers."""
     for bus, link in enumerate(links):
         link.deliver([frame for frame in frames if frame.bus == bus])
     with serving(daemon):

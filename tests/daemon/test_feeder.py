@@ -146,7 +146,6 @@ def test_other_results_come_behind_the_rates(bench: Path) -> None:
 
 
 def counted(latencies: list[int]) -> Any:
-    """As the loop counts latencies [ns]."""
     memory = np.zeros(1, PUMP)[0]
     for latency in latencies:
         octave = max(latency.bit_length() - 11, 0)

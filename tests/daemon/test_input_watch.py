@@ -29,8 +29,6 @@ LIFT_ID = 0x111
 
 
 class WatchedInputs:
-    """Four seconds of a healthy bench."""
-
     def __init__(self, bench: Path) -> None:
         self.bench, self.recording = bench, worn_recording(80, 0.0)
         self.frames = frames_of(bench, self.recording)

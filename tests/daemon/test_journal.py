@@ -60,7 +60,6 @@ def write(journal: JournalWriter, *numbers: int) -> None:
 
 @pytest.fixture
 def locked(path: Path) -> Iterator[threading.Event]:
-    """Another program that has the journal to itself until the event is set."""
     free, taken = threading.Event(), threading.Event()
 
     def hold() -> None:

@@ -31,8 +31,6 @@ def bench() -> Bench:
 
 
 class Kept:
-    """A learner whose state is kept; messages: what the keeper says."""
-
     def __init__(self, bench: Bench, folder: Path) -> None:
         self.bench, self.path = bench, folder / "state.json"
         self.knowledge = some_knowledge(events=1)

@@ -31,7 +31,6 @@ def lines_of(path: Path) -> list[str]:
 
 @pytest.fixture
 def err(tmp_path: Path) -> Console:
-    """That writes into a file of this name."""
     return Console(file=(tmp_path / "err").open("w"), width=80)
 
 

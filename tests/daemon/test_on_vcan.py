@@ -36,8 +36,7 @@ def test_worn_nozzle_is_learned_on_the_bus(tmp_path: Path, vcan: str) -> None:
     assert len(published.rates) == -(-samples // 28)  # and none extra
     starts = [int(end_to_end.decoded(end_to_end.RATE, each)["SampleIndex"]) for each in published.rates]
     assert (starts, last["SamplesProcessed"]) == (sorted(starts), samples)
-    # bit for bit, learning included
-    evaluated = evaluate(load_bench(bench), [read_recording(path)]).frames
+    evaluated = evaluate(load_bench(bench), [read_recording(path)]).frames  # bit for bit, learning included
     assert published.results == end_to_end.results_of(evaluated)
     summaries = [end_to_end.decoded(end_to_end.SUMMARY, payload) for payload in published.summaries]
     assert [s["InjectionNumber"] for s in summaries] == list(range(1, 11))

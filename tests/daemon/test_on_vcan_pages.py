@@ -117,7 +117,6 @@ def test_the_commands_that_need_a_bus(shell: Shell, vcan: str) -> None:
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_an_injector_of_ones_own(shell: Shell, vcan: str) -> None:
-    """The page's fit, and the daemon on the model it found."""
     own_injector.write_files(shell.folder)
     commands = own_injector.PAGE.commands
     for command in commands:
@@ -137,7 +136,6 @@ def test_an_injector_of_ones_own(shell: Shell, vcan: str) -> None:
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_several_injectors(shell: Shell, vcan: str) -> None:
-    """The page's daemons of two injectors, and the recording beside them."""
     several_injectors.write_bench(shell.folder)
     for words in several_injectors.make_log():
         shell.do(shlex.join(["observer-rt", *words]))

@@ -33,8 +33,6 @@ LITTLE_ROOM = 1 << 14  # bytes of a socket's queue, some twenty frames
 
 
 class FarEnd:
-    """The other end of the sockets: sends frames, and keeps what comes back."""
-
     def __init__(self, end: socket.socket) -> None:
         self._end = end
         self.received: dict[int, list[bytes]] = {}
@@ -115,7 +113,6 @@ def test_while_another_node_sends_the_same_no_rate_is_valid(bench: Path, frames:
 
 
 def through_pump(path: Path, frames: Sequence[TimedFrame]) -> dict[int, list[bytes]]:
-    """What comes of frames in lockstep, to the end, by identifier."""
     out: list[OutputFrame] = []
     with pumped(path) as (device, run):
         for frame in frames:
@@ -170,7 +167,6 @@ def test_optional_inputs_take_effect_where_they_do_without_a_pump(
 
 
 def in_time(frames: Iterable[TimedFrame]) -> Iterator[TimedFrame]:
-    """Each when it is due."""
     start = time.monotonic()
     for frame in frames:
         time.sleep(max(start + frame.time - time.monotonic(), 0.0))

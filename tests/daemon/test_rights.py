@@ -109,7 +109,6 @@ def test_isolated_ones_are_taken_without_being_asked_for(tmp_path: Path, monkeyp
 
 
 def as_linux_writes(numbers: Iterable[int]) -> str:
-    """A list of processors as in /sys, neighbours written as ranges: 0-3,7."""
     runs = groupby(enumerate(sorted(numbers)), lambda each: each[1] - each[0])
     ends = [[number for _, number in run] for _, run in runs]
     return ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in ends) + "\n"
@@ -152,7 +151,6 @@ def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
 
 
 def allowed(process: int) -> list[set[int]]:
-    """Processors that each thread of a process may run on."""
     return [set(os.sched_getaffinity(int(task.name))) for task in Path(f"/proc/{process}/task").iterdir()]
 
 

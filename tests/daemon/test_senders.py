@@ -58,17 +58,13 @@ def test_ages_of_the_inputs_are_in_the_status(bench: Path) -> None:
 
 
 class FedLink(ScriptedLink):
-    """Delivers what it is fed, bit by bit."""
-
     def feed(self, frames: Iterable[TimedFrame]) -> None:
-        """Deliver these, too, and wait until they are taken."""
         self._frames.extend(frames)
         until(lambda: not self._frames)
         self.empty.clear()
         until(self.empty.is_set)
 
     def taken(self, identifier: int) -> list[bytes]:
-        """What was sent under an identifier since the last call."""
         payloads = [frame.payload for frame in self.sent if frame.frame_id == identifier]
         self.sent = [frame for frame in self.sent if frame.frame_id != identifier]
         return payloads

@@ -67,7 +67,6 @@ class StateFile:
         return restored is not None and agree(to_plain(restored), to_plain(knowledge))
 
     def rewrite(self, change: Change) -> bytes:
-        """Change it, its checksum right all the same: what it holds then."""
         document = json.loads(self.path.read_bytes())
         content = document["content"]  # whose arrays may also be lists
         content["state"] = ArrayTexts(content["arrays"]).put_in(content["state"])

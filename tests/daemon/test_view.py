@@ -21,8 +21,6 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def view(path: Path) -> View:
-    """After twelve injections, compared with a reference."""
-
     def references(report: InjectionReport, rows: NDArray[np.void]) -> list[ComparedRate]:
         return [ComparedRate("bought", np.full(len(rows), 50e-6), 123.45e-6)]
 

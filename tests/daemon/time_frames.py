@@ -92,7 +92,6 @@ class Clock:
     drift: float = 0.0
 
     def times(self, end: float) -> NDArray[np.float64]:
-        """Sample times [s] up to `end`."""
         interval = (1.0 + self.drift) / self.rate
         return np.asarray(self.phase + interval * np.arange(int((end - self.phase) / interval)))
 
@@ -102,8 +101,6 @@ class Clock:
 
 @dataclass(frozen=True)
 class StampedFrame:
-    """A frame, when its sample was taken [s] and when it came."""
-
     taken: float
     stamp_ns: int
     frame_id: int
@@ -119,7 +116,6 @@ def prompt(taken: NDArray[np.float64], _: np.random.Generator) -> NDArray[np.flo
 
 
 def jitter(width: float) -> Delays:
-    """Delays spread evenly over `width` [s]."""
     return lambda taken, random: _one_by_one(taken + 150e-6 + random.uniform(0.0, width, taken.size))
 
 
@@ -129,8 +125,6 @@ def batches(period: float) -> Delays:
 
 
 def rare(width: float, share: float) -> Delays:
-    """A few frames are late by up to `width` [s]."""
-
     def delays(taken: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
         late = random.random(taken.size) < share
         return _one_by_one(taken + 150e-6 + np.where(late, random.uniform(0.0, width, taken.size), 0.0))
@@ -139,13 +133,11 @@ def rare(width: float, share: float) -> Delays:
 
 
 def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times at which frames come that a bus carries one after another."""
     earliest = ON_BUS * np.arange(come.size)
     return np.asarray(np.maximum.accumulate(come - earliest) + earliest)
 
 
 def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END, wear: float = 0.0) -> list[StampedFrame]:
-    """All frames of a message up to `end` [s], one after another."""
     _, truth = plant(wear)
     taken = clock.times(end)
     random = np.random.default_rng(MESSAGES[name].frame_id)
@@ -188,10 +180,7 @@ def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path
 
 @dataclass(frozen=True)
 class EstimatedInjection:
-    """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rates, if valid of valid ones.
-
-    is_valid: so was its report, and no sample is doubted, but may be one not known sharply yet.
-    """
+    """Relative error of volume, RMSE [m3/s] of rates; is_valid: so was its report, and every sample that is sharp."""
 
     number: int
     is_valid: bool
@@ -201,8 +190,6 @@ class EstimatedInjection:
 
 @dataclass
 class Outcome:
-    """Every sample the core published, and how it compares with what was injected."""
-
     core: Core
     interval: float  # s
     times: NDArray[np.float64]  # s, when the samples were taken
@@ -225,7 +212,6 @@ class Outcome:
         return {(State(int(row["state"])), Reason(int(row["reason"]))) for row in part}
 
     def injections(self) -> list[EstimatedInjection]:
-        """Every injection without a missing sample."""
         truth, error = self.truth, self.error
         refused = np.array([self.times[report.start_position] for report in self.reports if not report.valid])
         injections = []

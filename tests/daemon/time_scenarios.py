@@ -49,8 +49,7 @@ TIME_BASE = (State.DEGRADED, Reason.TIME_BASE)
 LOST = (State.DEGRADED, Reason.SAMPLES_LOST)
 ANEW = (State.DEGRADED, Reason.DEVICE_RESTARTED)
 STALE = (State.DEGRADED, Reason.INPUT_STALE)
-# Straight lines between rare samples are not the rail pressure.
-INADEQUATE = (State.DEGRADED, Reason.MODEL_INADEQUATE)
+INADEQUATE = (State.DEGRADED, Reason.MODEL_INADEQUATE)  # Straight lines between rare samples are not the rail.
 CONTRADICTED = (State.DEGRADED, Reason.CONTRADICTED)
 
 
@@ -82,7 +81,6 @@ def lift_alone(rate: float, drift: float) -> list[StampedFrame]:
 
 
 def three_clocks(rate: float, drift: float) -> list[StampedFrame]:
-    """Every signal of a device of its own."""
     rail = send("RailSlow", Clock(rate, 0.7 / rate, -drift), wear=WORN)
     return merged(send("Line", Clock(rate), wear=WORN), send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN), rail)
 
@@ -100,13 +98,11 @@ def worn(
 
 
 def slow(lines: str) -> dict[str, str]:
-    """Bench of a rail pressure slower than the rest."""
     shared = 'message = "LineLift"'
     return {"Line": shared, "Lift": shared, "Rail": lines}
 
 
 def without(frames: Sequence[StampedFrame], start: float, end: float) -> list[StampedFrame]:
-    """The frames whose samples were not taken in [start, end) [s]."""
     return [frame for frame in frames if not start <= frame.taken < end]
 
 
@@ -225,8 +221,6 @@ def run(scenario: Scenario, folder: Path) -> time_frames.Outcome:
 
 @dataclass(frozen=True)
 class Figures:
-    """Valid injections, their greatest error of volume and rate [m3/s], and that of any valid sample [m3/s]."""
-
     valid: int
     volume_error: float
     rmse: float

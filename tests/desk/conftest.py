@@ -11,7 +11,6 @@ from tests.desk.live_page.browser import launch
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """Tests cannot do without one."""
     with sync_playwright() as playwright:
         try:
             started = launch(playwright)

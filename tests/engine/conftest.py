@@ -35,8 +35,6 @@ def changes_of_flows(x: tuple[float, ...], u: tuple[float, ...], network: Networ
 
 @dataclass(frozen=True)
 class Case:
-    """A model with its gain at 100 kHz."""
-
     c: Coefficients
     schedule: predictor.GainSchedule
     setting: predictor.Setting
@@ -80,7 +78,6 @@ def affected(request: pytest.FixtureRequest) -> Case:
 
 @pytest.fixture(scope="session")
 def nominal() -> Case:
-    """The nominal injector in the paper's form."""
     return make_case(load_injector())
 
 
@@ -123,7 +120,6 @@ def start_at_rest(c: Coefficients, pressure: float) -> Array:
 
 
 def recorded_late(window: predictor.Window, samples: float) -> predictor.Window:
-    """The window with its lift recorded so many samples late."""
     areas = window.inputs[:, 1]
     late = np.interp(np.arange(areas.size) - samples, np.arange(areas.size), areas)
     opening = int(np.argmax(late > 0.0))

@@ -63,10 +63,7 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
 
 @dataclass
 class Stream:
-    """One observer; `rows`: processed samples; `judged`: indices before which an event was judged.
-
-    stated: delays and lags of the channels, to be undone; lift: the zero of the shut needle from before.
-    """
+    """`rows`: processed samples; `judged`: indices before which an event was judged; stated: delays to be undone."""
 
     injector: InjectorParameters = NOMINAL
     sample_rate: float = 100e3
@@ -121,7 +118,6 @@ class Stream:
         return self
 
     def stay_shut(self, duration: float, **where: int) -> "Stream":
-        """A shut needle for `duration` [s], without noise."""
         return self.move(np.zeros(round(duration * self.sample_rate)), **where)
 
     def move(self, lift: Array, **where: int) -> "Stream":
@@ -195,14 +191,12 @@ def opened(starts: Iterable[int], length: int, open_for: int = 110) -> Array:
 
 
 def at_rest(random: Generator, length: int, levels: NoiseLevels = NOISE) -> Channels:
-    """Rail pressure, lift and line pressure behind a shut needle, with their noise."""
     sigmas = levels.rail_pressure, levels.needle_lift, levels.line_pressure
     rail, lift, line = (random.normal(0.0, sigma, length) for sigma in sigmas)
     return RAIL + rail, lift, RAIL + line
 
 
 def assert_levels(noise: NoiseLevels | None, levels: NoiseLevels, share: float) -> None:
-    """Every level within a share."""
     assert noise is not None
     assert noise.rail_pressure == pytest.approx(levels.rail_pressure, rel=share)
     assert noise.line_pressure == pytest.approx(levels.line_pressure, rel=share)

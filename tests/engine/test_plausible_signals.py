@@ -121,7 +121,6 @@ def test_pressures_that_are_swapped_or_negative() -> None:
 
 
 def doubt_text(recording: Recording, fitted: tuple[float, float] | None = None) -> str:
-    """All doubts in one text; fitted: rail pressures [MPa] of the model."""
     of = None if fitted is None else baseline(rail_pressure_MPa=fitted)
     return "; ".join(doubt.problem for doubt in doubts(HeldSignals(recording).survey, of))
 

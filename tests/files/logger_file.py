@@ -54,7 +54,6 @@ class _File:
         return self.block("CN", [0, 0, self.text(name), 0, conversion, data, 0, 0], content)
 
     def group(self, record: int, cycles: int, flags: int, size: int, channels: list[int]) -> int:
-        """A channel group with its channels; the second is made of those that follow it."""
         for earlier, later in zip(channels[:1] + channels[2:], channels[1:2] + channels[3:], strict=False):
             self.link(earlier, 0, later)
         if len(channels) > 2:
@@ -129,7 +128,6 @@ def write_logger_file(
 def _records(
     frames: list[LogFrame], fields: list[Field], start_ns: int, errors: int, data_width: int | None, id_size: int
 ) -> tuple[bytes, int, int]:
-    """All records one after the other, the size of one with a frame, and the bytes of data of variable length."""
     records = bytearray()
     size = 0
     data_bytes = 0

@@ -58,7 +58,6 @@ def filled(injector: InjectorParameters, fuel: str | None) -> InjectorParameters
 def advanced(
     x: State, interval: Interval, c: Coefficients, network: Network, knot: tuple[float, float] = (0.0, 0.0)
 ) -> State:
-    """`advance_state` without a tangent, as a function of the state."""
     state = np.array(x)
     advance_state(state, interval, c, network, knot=knot)
     return float(state[0]), float(state[1]), float(state[2])

@@ -13,8 +13,7 @@ from observer_rt.model.effective import TRUE_INPUTS, EffectiveModel, SensorTerms
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 
 NOMINAL = load_injector()
-# ids and parameters: injector files of users name them
-NAMED = {
+NAMED = {  # ids and parameters: injector files of users name them
     "orifice_area": ("v_H",),
     "seat_area": ("v_S",),
     "guide_leakage": ("c",),
@@ -50,7 +49,6 @@ def at(effect: Effect, share: float) -> SizedEffect:
 
 
 def numbers(model: EffectiveModel) -> list[float]:
-    """Everything a model computes with."""
     c = model.coefficients
     return [
         *c.line,

@@ -30,7 +30,6 @@ def stroke(length: int, sample: float, area: float = 0.95) -> Array:
 
 
 def _end_state(c: Coefficients, steps: int) -> Array:
-    """From an open needle's state for 50 us, over which the inputs rise."""
     span, first, last = 5e-5, np.array([0.95, 0.6]), np.array([1.0, 0.8])
     x, network = np.array([0.9, 1.0, 0.7]), constant_network(0.3, -0.2)
     for k in range(steps):
@@ -129,7 +128,6 @@ def test_fewer_steps_at_rest_follow_the_line_as_well(injector: InjectorParameter
     inputs = np.column_stack([np.full(count, RAIL), np.zeros(count)])
     start = (RAIL + 0.1, 0.0, 0.0)
     usual = integrate(inputs, start, sample, substeps_needed(injector, 1 / sample), c)
-    # an area too small to matter switches the saving off
-    fine_inputs = inputs + np.array([0.0, 1e-15])
+    fine_inputs = inputs + np.array([0.0, 1e-15])  # an area too small to matter switches the saving off
     fine = integrate(fine_inputs, start, sample, 100, c)
     assert np.abs(usual[:, 0] - fine[:, 0]).max() < 1e-4

@@ -1,7 +1,6 @@
-"""Injector and feed line of the plant: a line of n cells (one is the lump of (19)-(20)), and the sac, in fine steps.
+"""Injector and feed line of the plant: a line of n cells (one: the lump of (19)-(20)), and the sac, in fine steps.
 
-Velocity Verlet along the line; the trapezoidal rule by Newton's method at its closed end. Imports nothing of
-`observer_rt`: a plant that shared code with the observer would share its mistakes.
+Velocity Verlet, at the closed end the trapezoidal rule by Newton's method. Imports nothing of `observer_rt`.
 """
 
 import math

@@ -60,7 +60,6 @@ class History:
 
     @property
     def name(self) -> str:
-        """One of its own."""
         return f"{self.kind} {self.point}"
 
 

@@ -103,8 +103,6 @@ class Shot:
 
 @dataclass(frozen=True)
 class Event:
-    """One injection event: rail pressure [Pa], its openings in order, faults in force from its period's start."""
-
     rail_pressure: float
     shots: tuple[Shot, ...]
     faults: Faults

@@ -28,8 +28,6 @@ def keeping_of(
 
 
 class Placing(IntEnum):
-    """Place of a block in its message's stream."""
-
     ACCEPTED = 0
     REPEATED = 1
     OLD = 2

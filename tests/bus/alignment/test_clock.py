@@ -28,7 +28,6 @@ def fed(stamps: NDArray[np.float64], samples: int = 1, shortest: float = 0.0) ->
 
 
 def error(clock: NDArray[np.void], sent_last: float, last: int) -> float:
-    """s by which the clock is wrong about the last sample."""
     line = clock[0]
     came = int(line["first_stamp"]) - EPOCH + line["offset"]
     came += (last - int(line["first_index"])) * (line["interval"] + line["drift"])

@@ -18,8 +18,6 @@ FRAMES = 20_000
 
 
 class Count(IntEnum):
-    """Place of a frame in the count of those before it."""
-
     NEXT = 0
     REPEATED = 1
     OLD = 2  # overtaken by a later one

@@ -28,8 +28,6 @@ def line(position: float) -> float:
 
 
 class JoinedStreams:
-    """Line pressure and lift on the grid, the rail pressure beside it."""
-
     def __init__(self, relation: GridRelation) -> None:
         self._alignment = make_alignment([None, relation], CLOSED_LIFT, empty_ring())
         self._roles = relation.roles

@@ -107,7 +107,6 @@ def dbc_start(first: int, length: int, is_big_endian: bool) -> int:
 
 @st.composite
 def signals(draw: st.DrawFn, name: str, first: int, length: int, is_big_endian: bool, mark: str) -> Field:
-    """A field at this place with random meaning."""
     is_float = length in (32, 64) and draw(st.booleans())
     is_signed = draw(st.booleans())
     limits = draw(st.sampled_from([(0, 0), (0.0, 0.0)]))
@@ -149,7 +148,6 @@ def areas(draw: st.DrawFn, message: RandomMessage, first: int, end: int, marks: 
 
 @st.composite
 def plain_messages(draw: st.DrawFn) -> RandomMessage:
-    """Messages without multiplexing, classic and FD, standard and extended."""
     message = RandomMessage(draw(st.sampled_from(SIZES)), is_extended=draw(st.booleans()))
     draw(areas(message, 0, 8 * message.size, ("",)))
     return message
@@ -189,7 +187,6 @@ def multiplexed_messages(draw: st.DrawFn) -> RandomMessage:
 
 
 def with_bits(payload: bytes, signal_field: Field, code: int) -> bytes:
-    """The payload with a field set to a code, bit by bit as the DBC counts them."""
     result = bytearray(payload)
     bit = signal_field.start
     order = range(signal_field.length)

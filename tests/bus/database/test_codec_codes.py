@@ -18,7 +18,6 @@ from observer_rt.foundation.errors import UserError
 
 
 def message_with(layout: str, codes: dict[str, int] | None = None, value_type: int = 0, more: str = "") -> Message:
-    """A message of 8 bytes with one signal, `Value`, as the DBC text `layout` says."""
     lines = [
         'VERSION ""',
         "BU_: Device",

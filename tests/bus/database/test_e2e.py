@@ -21,8 +21,6 @@ DATA_ID = 0x0100
 
 
 class E2EStatus(IntEnum):
-    """Check result of one frame, as `E2E_OK` and those after it in the core."""
-
     OK = 0
     OK_SOME_LOST = 1
     REPEATED = 2
@@ -54,7 +52,6 @@ def frame_with(row: np.void, counter: int) -> NDArray[np.uint8]:
     ("profile", "modulus", "most"), [(core_frames.PROFILE_1, 15, 7), (core_frames.PROFILE_5, 256, 15)]
 )
 def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
-    """most: the largest step that is taken."""
     row = protection_of(profile, DATA_ID)
     frames = [frame_with(row, counter) for counter in range(modulus)]
     for last in range(modulus):
@@ -84,7 +81,6 @@ class Reference:
 
 
 def is_good(frame: NDArray[np.uint8], length: int, row: np.void) -> bool:
-    """Whether its protection fits, and the counter is one that the profile has."""
     return worth_of(frame, length, row) is not E2EStatus.CRC_ERROR
 
 

@@ -33,8 +33,6 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
 
 @pytest.fixture
 def with_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every interface says that it has a clock."""
-
     def answer(_: socket.socket, request: int, argument: bytes) -> bytes:
         assert request == 0x8946
         name, pointer = struct.unpack("@16sP16x", argument)
@@ -46,7 +44,6 @@ def with_clock(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def stamp_of_next(reader: StampReader, receiver: socket.socket) -> int | None:
-    """Of the next datagram, None if it has none."""
     _, ancillary, _, _ = receiver.recvmsg(100, ANCILLARY_BYTES)
     if not ancillary:
         return None

@@ -39,7 +39,6 @@ BO_ 292 Guarded: 8 Device
 
 
 def user_map(folder: Path, **changes: str) -> BusMap:
-    """Mapping of the database above; `changes` replace the lines of a role."""
     roles = {
         "rail_pressure": 'signal = "Rail"',
         "needle_lift": 'signal = "Lift"',

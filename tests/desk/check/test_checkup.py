@@ -161,7 +161,6 @@ def test_the_injector_file_is_known_by_its_bytes_and_by_its_values(findings_of: 
 
 
 def foreign_bench(folder: Path, database: Edits = NO_EDITS) -> Bench:
-    """A bench with one sample a frame whose database is edited."""
     edited(DATABASES / "testbed_classic.dbc", folder / "testbed_classic.dbc", database)
     edited(DATABASES / "testbed_classic.toml", folder / "bench.toml", NO_EDITS)
     return load_bench(folder / "bench.toml")

@@ -68,7 +68,6 @@ def test_an_interface_that_is_missing(network: Network, channel: str, remedy: st
 
 @pytest.mark.vcan
 def test_a_real_virtual_interface(vcan: str) -> None:
-    """By the kernel's own folder."""
     findings = machine.interface_findings(LinkConfig(channel=vcan))
     assert [finding.text for finding in findings] == [
         f"{vcan}: up",

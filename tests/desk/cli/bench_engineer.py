@@ -45,10 +45,7 @@ def run_and_stop(
     number: signal.Signals = signal.SIGTERM,
     meanwhile: Callable[[], bool] = lambda: True,
 ) -> tuple[Outcome, ResultFrames]:
-    """Play a recording, or frames, at full speed to the command over the virtual bus, then send it a signal.
-
-    The last two frames of samples may stay unprocessed; meanwhile: done once they are played.
-    """
+    """Play to the command over the virtual bus at full speed, then signal it; two frames may stay unprocessed."""
     channel = load_bench(bench).config.link.channel
     frames = frames_of(bench, sent) if isinstance(sent, Path) else list(sent)
     samples = 9 * (sum(frame.frame_id == BLOCK_ID for frame in frames) - 2)

@@ -20,8 +20,6 @@ NOTHING: Mapping[str, str] = {}
 
 
 class Outcome(NamedTuple):
-    """What a command left behind."""
-
     code: int
     out: str
     err: str
@@ -49,7 +47,6 @@ class Command:
         return outcome
 
     def refused(self, *arguments: object) -> str:
-        """What it says to a mistake of the user."""
         outcome = self(*arguments)
         assert outcome.code == 2, f"{arguments}\n{outcome.err}\n{outcome.out}"
         return outcome.err
@@ -69,13 +66,11 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 def module(
     *arguments: object, stdout: int = subprocess.PIPE, environment: Mapping[str, str] = NOTHING
 ) -> "subprocess.Popen[str]":
-    """The program in a process of its own; environment: what it has besides."""
     words = [sys.executable, "-m", "observer_rt", *map(str, arguments)]
     return subprocess.Popen(words, stdout=stdout, stderr=subprocess.PIPE, text=True, env=os.environ | environment)
 
 
 def document(command: Command, *arguments: object) -> dict[str, Any]:
-    """The JSON of an evaluation that went well."""
     printed = command.done("evaluate", *arguments, "--json").out
     parsed: dict[str, Any] = json.loads(printed, parse_constant=lambda name: pytest.fail(name))
     return parsed
@@ -99,7 +94,6 @@ def resting(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
-    """Bench file on the virtual bus of this process, for 50 kHz."""
     text = exact_text(EXAMPLE_BENCH)
     text = text.replace('"socketcan"', '"virtual"').replace("rate_hz = 100e3", "rate_hz = 50e3")
     path = tmp_path / "bench.toml"

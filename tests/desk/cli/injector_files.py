@@ -31,7 +31,6 @@ def injector(path: Path, line: str = "lump", outflow: str = "nozzle", added: str
 
 
 def in_force(effect: str, key: str, value: float) -> str:
-    """Text at a file's end for an effect of one parameter without a unit."""
     return f'\n[[effects]]\nid = "{effect}"\nparameters = {{ {key} = {{ value = {value}, unit = "-" }} }}\n'
 
 

@@ -15,7 +15,6 @@ def test_json_document(command: Command, bench: Path) -> None:
 
 
 def test_a_log_in_another_unit_is_an_error(command: Command, bench: Path, worn: Path, tmp_path: Path) -> None:
-    """As `evaluate` refuses it."""
     likely = "MPa, if read as bar"
     log = tmp_path / "bus.log"
     command.done("convert", worn, log, "--bench", bench)

@@ -174,7 +174,6 @@ def test_logs_of_a_device_that_went_on_are_as_one(command: Command, worn: Path, 
     assert [[i[key] for key in keys] for i in result] == [[i[key] for key in keys] for i in reference["injections"]]
     apart = document(command, *parts, "--bench", bench)["recordings"]
     assert apart[1]["injections"][0]["number"] == 1
-    # Once more: a device that was restarted, which begins with what was learned.
-    log = tmp_path / "whole.log"
+    log = tmp_path / "whole.log"  # Once more: a device that was restarted, which begins with what was learned.
     again = document(command, log, log, "--bench", bench, "--chain")["recordings"][1]
     assert [injection["valid"] for injection in again["injections"]] == [True] * 4

@@ -25,7 +25,6 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
 
 @pytest.fixture
 def wrong(tmp_path: Path) -> Path:
-    """An injector file 10 % wrong in stiffness and nozzle."""
     path = tmp_path / "injector.toml"
     text = NOMINAL_INJECTOR.read_text().replace("bulk_modulus_line = 1.6e9", "bulk_modulus_line = 1.44e9")
     path.write_text(text.replace("flow_coefficient = 0.78", "flow_coefficient = 0.858"))

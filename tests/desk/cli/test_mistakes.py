@@ -46,8 +46,7 @@ END = ""
 FUEL = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = '
 RECORDING = '[recording]\nrail_pressure = { column = "p" }\nneedle_lift = { column = "x" }\nline_pressure = '
 
-# what stands there, what stands there instead, and words that are said of it
-MISTAKES = {
+MISTAKES = {  # what stands there, what stands there instead, and words that are said of it
     "a bracket is missing": ("[sampling]", "[sampling", "line 19", "is not valid TOML"),
     "key twice": ("rate_hz = 50e3", "rate_hz = 50e3\nrate_hz = 50e3", "line 21", "TOML"),
     "nothing in it": (BENCH, "", "dbc", "--print-example-bench"),

@@ -178,7 +178,6 @@ def test_force_replaces_its_own_names_only(command: Command, folder: Path, worn:
 
 @contextmanager
 def full_disk(most: int) -> Iterator[None]:
-    """As if no file could grow beyond so many bytes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:

@@ -286,7 +286,6 @@ def the_fit_is_as_the_page_says() -> None:
 
 
 def the_worn_injector_is(injections: list[dict[str, float]]) -> None:
-    """Every mass, beside the truth."""
     assert [bool(injection["valid"]) for injection in injections] == [True] * 6
     with Path("worn.csv.truth.csv").open() as file:
         rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]

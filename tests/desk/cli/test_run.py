@@ -35,7 +35,6 @@ from tests.links import FakeLink
 
 @pytest.fixture
 def bench(bench: Path, tmp_path: Path) -> Path:
-    """Learning in lockstep, on a channel of the test's own."""
     text = bench.read_text().replace("lockstep = false", "lockstep = true")
     bench.write_text(text.replace('"can0"', f'"{tmp_path.name}"'))
     return bench
@@ -106,10 +105,7 @@ def said_in(capture: Path, text: str) -> bool:
 def test_hang_up_takes_over_a_bench_file_that_was_changed(
     command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Knowledge goes on without a file; a mistaken file or an unusable interface leaves the one before in force.
-
-    The service manager hears of start and end, not of the change. As its unit starts it: with an empty name.
-    """
+    """Knowledge goes on without a file; a mistaken file or an unusable interface leaves the one before in force."""
     log = tmp_path / "run.log"
     text = bench.read_text()
 

@@ -27,7 +27,6 @@ def processed(payloads: Payloads, number: int) -> float:
 
 
 def assert_as_alone(received: Payloads, three: Three, number: int) -> None:
-    """Bit for bit what its own recording gives."""
     for identifier, payloads in three.results_alone(number).items():
         assert received[identifier] == payloads
     status = decoded(STATUS, received[STATUS_ID + number * STEP][-1])

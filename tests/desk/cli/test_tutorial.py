@@ -42,5 +42,4 @@ def test_the_first_hour(command: Command, tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def indented(command: Command, line: str) -> list[str]:
-    """What a command prints, as a page shows it."""
     return [f"    {each}".rstrip() for each in command.done(*line.split()[1:]).out.splitlines()]

@@ -45,7 +45,6 @@ LATE = {"rail_pressure": 31e-6, "needle_lift": 23e-6, "line_pressure": 44e-6}  #
 
 @cache
 def slow_sensors() -> Simulation:
-    """Without noise; slow sensors, nothing late."""
     effects = (sized("needle_lift_sensor_lag", tau=16e-6), sized("line_pressure_sensor_lag", tau=9e-6))
     schedule = make_schedule([100e6], 5, 0.03, [1.1e-3])
     return simulate(load_injector(), schedule, FINE, effects, None)

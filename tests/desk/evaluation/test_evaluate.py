@@ -27,7 +27,6 @@ C = coefficients(NOMINAL)
 
 @cache
 def worn() -> Simulation:
-    """Four events of 100 MPa at 50 kHz, v_H = 0.3, with noise and a measured rate."""
     schedule = make_schedule([100e6], 4, 0.05, [1.1e-3])
     effects = (sized("orifice_area", v_H=0.3),)
     return simulate(NOMINAL, schedule, 50e3, effects, SimulatedNoise(), measured_rate=True, seed=2)

@@ -41,7 +41,6 @@ class Run:
         return error[flowing], trace.corrected_rate_sigma[window][flowing]
 
     def masses(self, report: InjectionReport) -> tuple[float, float, float]:
-        """Ends of the interval of an injection's mass, and the true one [kg]."""
         assert report.mass_ci95 is not None
         window = slice(report.start_index, report.end_index + 1)
         true = float(np.trapezoid(self.truth.injection_rate[window])) / SAMPLE_RATE * C.density
@@ -50,7 +49,6 @@ class Run:
 
 @cache
 def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: bool = True) -> Run:
-    """Six events, pilot and main, at three pressures."""
     schedule = make_schedule([60e6, 100e6, 140e6], 6, 0.05, shots=SHOTS)
     effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
     noise, bench = SimulatedNoise(), BENCH
@@ -100,7 +98,6 @@ def test_what_is_stated_or_left_out_holds_the_mass(
 
 @cache
 def population() -> tuple[Run, ...]:
-    """Injectors worn at random, each with other noise."""
     random = np.random.default_rng(11)
     return tuple(run(seed, random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3)) for seed in range(8))
 

@@ -34,13 +34,10 @@ def worn() -> Recording:
 
 
 def streamed(source: SignalStream, *traces: Path) -> Evaluation:
-    """Evaluated with nothing kept in memory; traces: file to be written."""
     return evaluate(BENCH, [source], traces=traces).evaluations[0]
 
 
 class Cut(SignalStream):
-    """A recording in stretches, read in chunks of any size."""
-
     def __init__(self, recording: Recording, bounds: list[int], at_once: int) -> None:
         super().__init__(recording.path)
         self._recording, self._bounds, self._at_once = recording, bounds, at_once

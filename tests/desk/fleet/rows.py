@@ -39,7 +39,6 @@ def rows(sha256: str, injector: str, nozzle: Sequence[float], day: int = 0, **mo
 
 
 def masses(path: Path, model: Path | None = None, learning: bool = True) -> list[float]:
-    """Of the injections of a recording, as `evaluate` finds them [mg]."""
     bench = load_bench(model=model)
     source = open_recording(path, bench.injector)
     (alone,) = evaluate(bench, [source], learning=learning, traces=()).evaluations

@@ -37,10 +37,7 @@ def test_each_shot_is_found_as_late_as_it_answers() -> None:
 
 @pytest.mark.slow
 def test_a_line_with_waves_is_fitted_from_the_file_of_a_lump(tmp_path: Path) -> None:
-    """Needle and line together: a needle learned first, on a lump, made up for waves, and no fit was adequate.
-
-    The sac is as the maker says: from one of 75 mm3 for 3 the search ends beside the minimum.
-    """
+    """Needle and line together; the sac is as the maker says: from 75 mm3 for 3 a search ends beside the minimum."""
     benches = healthy_benches(Variant.PLAIN, 1)
     outcomes = {name: record(bench) for name, bench in benches.items()}
     recordings = [

@@ -22,7 +22,6 @@ def kept(name: str) -> Any:
 
 
 def run(name: str, folder: Path) -> Any:
-    """A notebook with what its cells show in the end. Raises CellExecutionError for a cell that fails."""
     notebook = kept(name)
     NotebookClient(notebook, timeout=900, record_timing=False, resources={"metadata": {"path": folder}}).execute()
     for cell in (each for each in notebook.cells if each.cell_type == "code"):
@@ -35,7 +34,6 @@ def outputs_of(notebook: Any) -> list[Any]:
 
 
 def kinds_of(notebook: Any) -> list[list[list[str]]]:
-    """By code cell and output: its forms."""
     return [
         [sorted(output.get("data", {output.output_type: None})) for output in cell.outputs]
         for cell in notebook.cells
@@ -44,7 +42,6 @@ def kinds_of(notebook: Any) -> list[list[list[str]]]:
 
 
 def texts(outputs: Iterable[Any]) -> str:
-    """What a reader sees of outputs, but for pictures."""
     shown = (
         [output.get("text"), *(text for form, text in output.get("data", {}).items() if form[:5] == "text/")]
         for output in outputs

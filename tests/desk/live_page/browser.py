@@ -16,8 +16,7 @@ from observer_rt.foundation.errors import UserError
 
 _OBTAIN = f"{sys.executable} -m playwright install --with-deps chromium-headless-shell"
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-# nothing of its own goes out
-_QUIET = (
+_QUIET = (  # nothing of its own goes out
     "--no-sandbox",
     "--disable-gpu",
     "--disable-quic",
@@ -44,8 +43,6 @@ def launch(playwright: Playwright) -> Browser:
 
 @dataclass(frozen=True)
 class PageServer:
-    """A program that serves a page, and the page's address."""
-
     process: subprocess.Popen[str]
     url: str
 

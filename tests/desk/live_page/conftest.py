@@ -32,7 +32,6 @@ def page(browser: Browser) -> Iterator[Page]:
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Serve]:
-    """Starts `observer-rt monitor` with some arguments; gives the address of its page."""
     with ExitStack() as stack:
 
         def started(*arguments: str | Path) -> str:

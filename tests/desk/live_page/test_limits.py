@@ -16,7 +16,6 @@ Ends = tuple[float, float]
 
 @pytest.fixture(scope="module")
 def script(browser: Browser) -> Iterator[Page]:
-    """The page without a server."""
     page = browser.new_page()
     page.goto((Path(observer_rt.desk.live_page.__file__).parent / "static" / "page.html").as_uri())
     yield page

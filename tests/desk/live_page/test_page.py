@@ -35,7 +35,6 @@ def frames_to(path: Path, injections: int = 10) -> list[TimedFrame]:
 
 @pytest.fixture(scope="module")
 def single_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A bench whose daemon has seen ten injections."""
     path = bench_file(tmp_path_factory.mktemp("one"), "can0")
     with daemons_of(path, frames_to(path)) as (daemon,):
         until(lambda: len(daemon.notes.injections) == 10)
@@ -52,7 +51,6 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def number_of(page: Page) -> Locator:
-    """Number and verdict of the injection shown."""
     return page.locator(".letters tr", has_text="injection").locator("td")
 
 

@@ -20,7 +20,6 @@ Answers = Mapping[str, Callable[[Message], Iterator[bytes] | Message]]
 
 @contextmanager
 def watching(path: Path, answers: Answers | None = None) -> Iterator[Watching]:
-    """The page's view of a bench, whose daemons answer like this, by their injectors."""
     bench = load_bench(path)
     with ExitStack() as stack:
         for alone in bench.per_injector:

@@ -57,7 +57,6 @@ def test_a_request_that_never_ends_is_given_up(tmp_path: Path) -> None:
 
 
 async def closed_after(url: str, message: str) -> None:
-    """Say something to the page's server, which hangs up."""
     page = await websocket_connect(url)
     await page.write_message(message)
     while await page.read_message() is not None:
@@ -77,7 +76,6 @@ def test_odd_addresses_lead_nowhere_and_odd_messages_close_their_socket_and_say_
 
 
 async def flood(url: str) -> None:
-    """Press `Save` again and again, and read no answer."""
     page = await websocket_connect(url)
     for _ in range(20_000):
         await page.write_message('["save", 0, 1]')

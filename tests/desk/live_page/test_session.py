@@ -24,7 +24,6 @@ SHOWN = ShownInjection(1, 5, {"number": 7, "mass_mg": None}, {"nominal": None})
 
 @pytest.fixture(scope="module")
 def watching() -> Iterator[Watching]:
-    """Nobody answers."""
     view = Watching(load_bench())
     yield view
     view.close()
@@ -55,7 +54,6 @@ def text_of(message: bytes) -> Any:
 
 
 def sent_until_behind(session: Session) -> list[bytes]:
-    """There is always something new: somebody presses a button all the time."""
     sent = []
     while (message := session.message()) is not None:
         sent.append(message)
@@ -99,8 +97,6 @@ def test_of_many_new_injections_the_newest_come_with_their_curves(tmp_path: Path
 
 
 class SlowSaver(Saver):
-    """Has not saved anything yet."""
-
     def __init__(self) -> None:
         self.results: list[Future[str]] = []
 

@@ -29,7 +29,6 @@ def window_with(openings: dict[int, int], samples: int) -> Window:
 
 
 def runs(phases: NDArray[np.int8]) -> list[tuple[Phase, int]]:
-    """Phases in order with their lengths."""
     edges = np.flatnonzero(np.diff(phases)) + 1
     return [(Phase(int(part[0])), part.size) for part in np.split(phases, edges)]
 

@@ -50,7 +50,6 @@ def write(path: Path, events: Sequence[Named], machine: Mapping[str, str]) -> No
 
 @cache
 def read(path: Path) -> tuple[list[Named], dict[str, str]]:
-    """Events and machine as `write` was given them."""
     with np.load(path) as file:
         content: dict[str, NDArray[Any]] = dict(file)
     layout, machine = json.loads(content.pop("").tobytes())
@@ -73,7 +72,6 @@ def recorded(path: Path) -> Iterator[tuple[Chain, list[Named]]]:
 
 
 def outcomes(chain: Chain) -> Iterator[Named]:
-    """Outcomes of a chain's events by the learner of today."""
     return map(learning_of(chain), next(events for each, events in recorded(INPUTS) if each == chain))
 
 
@@ -90,7 +88,6 @@ def machine() -> dict[str, str]:
 
 
 def differences(golden: Named, now: Named) -> list[Difference]:
-    """Between outcomes of an event, the largest first."""
     apart = []
     for name in dict.fromkeys([*golden, *now]):
         before, after = golden.get(name, "missing"), now.get(name, "missing")

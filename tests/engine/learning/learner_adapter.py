@@ -101,7 +101,6 @@ def _read(event: Named, needle: NeedleLaw | None) -> tuple[Window, Standstill]:
 
 
 def outcome_of(outcome: Outcome) -> Named:
-    """Arrays and texts of an outcome, and of the state after it."""
     named, again = dict(vars(outcome)), outcome.resimulated
     knowledge = named.pop("knowledge")
     for who in ("forward", "objections"):

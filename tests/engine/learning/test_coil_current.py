@@ -30,13 +30,11 @@ OTHER = coil_current.ThetaColumns.of(SLOPES, PRIOR)
 
 
 def after(events: int, height: float, until: int = UNTIL) -> coil_current.CoilCurrent:
-    """What was found in events with a pulse of a height [SIGMA]."""
     current, ends = coil_current.CoilCurrent(), coil_current.pulse_ends(INTERVAL)
     for seed in range(events):
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
         recorded = coil_current.CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
-        # innovations of a predictor that slowly takes what it sees for its own
-        current = current.after(
+        current = current.after(  # innovations of a predictor that slowly takes what it sees for its own
             recorded, BEFORE, lambda seen: lfilter([1.0, -1.0], [1.0, -0.97], seen.output / SIGMA), OTHER, ends
         )
     return current

@@ -47,7 +47,6 @@ def seen(
 
 
 def drawn(random: Generator) -> Faults:
-    """Worn injectors, whose pressure sensors are as good as stated."""
     return Faults(
         orifice_area=random.uniform(-0.2, 0.3),
         seat_area=random.uniform(-0.15, 0.2),

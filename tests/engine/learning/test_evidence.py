@@ -24,7 +24,6 @@ SEEDS = range(40)
 
 
 def parabola(entries: list[float]) -> EventRun:
-    """A cost of theta (2,), by seven numbers."""
     root = np.array([[entries[0], 0.0], [entries[1], entries[2]]])
     return EventRun(np.array(entries[3:5]), 1.0, np.array(entries[5:7]), root @ root.T + 0.1 * np.eye(2))
 

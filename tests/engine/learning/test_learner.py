@@ -36,7 +36,6 @@ def wear_of(theta: Vector) -> float:
 
 
 def event(v_h: float, seed: int | None = None) -> Window:
-    """7 ms at 100 kHz with one stroke, of an injector worn by v_H."""
     return stroke_of(network=network_of(nozzle_wear(v_h)), seed=seed)
 
 

@@ -33,7 +33,6 @@ def noise(seed: int, burst: float = 0.0, at: slice = BURST) -> Array:
 
 
 def without(y: Array, innovations: Array | None = None) -> CleanWindow | None:
-    """Of a window with such a line pressure (n,), against a right model."""
     resting = np.arange(COUNT) > COUNT // 2
     window = Window(np.column_stack([np.ones(COUNT), np.zeros(COUNT)]), y, resting, np.zeros(4), OPENING)
     return without_stretches(window, y - truth() if innovations is None else innovations, SIGMAS, FIRST)

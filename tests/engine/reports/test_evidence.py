@@ -19,7 +19,6 @@ from tests.daemon.samples import some_report
 
 
 def report(*reasons: Reason, half: float = 0.001) -> InjectionReport:
-    """A report with these reasons, whose mass is known to a share of it, its level worse."""
     first, *further = reasons or (Reason.NONE,)
     return replace(
         some_report(),

@@ -37,7 +37,6 @@ LOOK_BACK = SLOTS / SAMPLE_RATE  # s
 
 @pytest.fixture(scope="module")
 def turns(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    """Three samples of one of three channels in a frame, profile 1."""
     folder = tmp_path_factory.mktemp("turns")
     channels = (
         ("Rail", '(0.005,0) [0|0] "MPa"'),

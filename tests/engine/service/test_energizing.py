@@ -122,8 +122,6 @@ def energizing(folder: Path, lines: str) -> EnergizingLayout:
 
 @dataclass(frozen=True)
 class Pulses:
-    """Levels of consecutive samples, low first, and where they rise and fall."""
-
     levels: list[int]
     starts: list[int]
     lengths: list[int]

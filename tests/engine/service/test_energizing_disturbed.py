@@ -116,8 +116,7 @@ def windows(pulses: Pulses, second: float = 5e-3) -> list[tuple[float, float]]:
 
 
 CASES = {
-    # nor does its second opening take the command of a pilot that misfired
-    "a needle that bounces has no second command": Case(
+    "a needle that bounces has no second command": Case(  # nor one with the command of a misfired pilot
         *(EnergizingBy.LEVEL, on_change, ([1, 2, 4, None], [3]), 2, PILOT_AND_MAIN),
         sent=lambda r, p: misfired(r, (p[2][0], p[3][0]), (p[3][0] + 0.9e-3, p[3][0] + 0.9e-3 + 0.2e-3)),
     ),
@@ -131,8 +130,7 @@ CASES = {
         EnergizingBy.SAFE, lambda p: [*safe_durations(p[:2]), *safe_durations(p[2:])], ([1, 2, 3, 4], [])
     ),
     "repeated and overtaken frames are no command": Case(EnergizingBy.TIME, repeated, ([1, 2, 3], []), 3),
-    # an index places them
-    "a command may come long after its samples": Case(
+    "a command may come long after its samples": Case(  # an index places them
         EnergizingBy.TIME, lambda p: later(durations(p), 20e-3), ([1, 2, 3], []), 3
     ),
     "a command after its report is not missing too": Case(EnergizingBy.TIME, with_one_late, ([1, None, 3, 4], [])),

@@ -94,7 +94,6 @@ def test_document_of_a_log(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("signal", "code"), [("Level", 3), ("LevelPlain", 0), ("Time", 20)])
 def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, code: int) -> None:
-    """Not available, or else 0."""
     bench = load_bench(triple_bench(tmp_path, signal))
     _, recording = injected(1)
     frame = frames_of(bench, recording)[0]
@@ -102,7 +101,6 @@ def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, co
 
 
 def test_view_and_status(tmp_path: Path) -> None:
-    """Of a daemon on a bench whose status message has the counts."""
     path = pulse_bench(tmp_path, EnergizingBy.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
     frames = traffic()
     link = ScriptedLink(frames)

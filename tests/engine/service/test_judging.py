@@ -22,8 +22,6 @@ V_H = 0.25
 
 
 class Slow(Executor):
-    """Does what it is asked for when the test says so, one job after the other."""
-
     def __init__(self) -> None:
         self.jobs: deque[tuple[Future[Any], Any, Any]] = deque()
         self.most = 0
@@ -73,8 +71,6 @@ def exhaust(*_: Any) -> None:
 
 
 class Failing(InlineExecutor):
-    """Runs out of memory at its fourth job."""
-
     left = 4
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:

@@ -84,7 +84,6 @@ class ManyAtOnce(Core):
 
 
 def facts(result: Result) -> tuple[object, ...]:
-    """All that a core made of frames."""
     fuel = [report.surroundings for report in result.reports]
     events = result.core.knowledge.state.events
     return result.frames, result.core.counters, events, fuel, result.commands, result.notes.missing

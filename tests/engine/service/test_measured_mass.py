@@ -22,8 +22,6 @@ SOON, LATE = 20, 250  # frames after an injection's end: before, and after, it i
 
 
 class Scale:
-    """A balance beside clean traffic."""
-
     def __init__(self, folder: Path, clean: Traffic) -> None:
         self.path = slow_bench(folder, MASS)
         self.frames, self.usual = clean.frames, clean.result
@@ -33,7 +31,6 @@ class Scale:
         return self.usual.reports[injection - 1].end_index // BLOCK + frames
 
     def tells(self, *measured_masses: tuple[int, TimedFrame]) -> Result:
-        """What a core makes of frames before those of the numbers given."""
         return run(self.path, inserted(self.frames, measured_masses))
 
     def masses(self, *measured_masses: tuple[int, TimedFrame]) -> list[tuple[int, float]]:
@@ -92,7 +89,6 @@ def test_protected_message_in_kilograms(tmp_path: Path, scale: Scale) -> None:
 
 
 def test_evaluating_a_log_compares_it(scale: Scale, tmp_path: Path) -> None:
-    """In the document and in the table."""
     bench = load_bench(scale.path)
     sent = inserted(scale.frames, [(scale.after(2), bed("Mass", 8.0))])
     log = tmp_path / "bus.log"

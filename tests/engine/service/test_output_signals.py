@@ -74,18 +74,15 @@ def test_the_core_has_what_the_status_sends() -> None:
 
 
 def some_lost(traffic: Traffic) -> list[TimedFrame]:
-    """One in fifty, once injections are valid."""
     is_there = np.random.default_rng(6).random(len(traffic.frames)) > 0.02
     return [frame for k, frame in enumerate(traffic.frames) if k < FIRST or is_there[k]]
 
 
 def restarted(traffic: Traffic) -> list[TimedFrame]:
-    """The device, in the middle of a block of rates."""
     return [*traffic.frames[:FIRST], *later(Device(traffic.bench).send(simulated()), 0.3)]
 
 
 def jumped(traffic: Traffic) -> list[TimedFrame]:
-    """The source sends windows, whose index jumps."""
     device = Device(traffic.bench)
     return device.send(simulated(), Span(0, 9 * FIRST), Span(9 * FIRST + 900, 15_000))
 

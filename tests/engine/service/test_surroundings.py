@@ -81,7 +81,6 @@ def bench(folder: Path, timeout: str = "") -> Path:
 
 
 def block_bench(folder: Path) -> Path:
-    """Temperature in the message of the samples."""
     extra = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = "FuelTemperature"\n'
     return sample_bench(folder, extra=extra)
 
@@ -246,7 +245,6 @@ def of_line(megapascals: float, model: str) -> InjectorParameters:
 
 @cache
 def into(megapascals: float, model: str = "lump", injections: int = INJECTIONS) -> Simulation:
-    """Injections at 60 MPa into a chamber, every 50 ms."""
     schedule, injector = make_schedule([60e6], injections, 0.05, [1.1e-3]), of_line(megapascals, model)
     return simulate(injector, schedule, SAMPLE_RATE, (), SimulatedNoise())
 

@@ -14,7 +14,6 @@ UM = 1e-6
 
 
 def open_samples(lift: NDArray[np.float64]) -> list[int]:
-    """Samples with a seat area, counted from the beginning of `lift`; rest before and after."""
     stream = Stream().stay_shut(5e-3).move(lift).stay_shut(1e-3)
     return [int(row["index"]) - 500 for row in stream.rows if row["seat_area"] > 0.0]
 

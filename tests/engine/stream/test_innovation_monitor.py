@@ -16,7 +16,6 @@ SIGMA = 0.002  # of p_0
 
 
 def running() -> Observer:
-    """An observer that runs, between two events."""
     observer = Stream().observer
     of = observer.memory[0]
     of["innovation_noise"]["weight"], of["synchronisation"]["synchronised"] = 1.0 / SIGMA**2, True

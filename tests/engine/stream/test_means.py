@@ -57,7 +57,6 @@ def evaluated(worn: bool, meaning: Meaning, stated: bool = True) -> Evaluation:
 
 
 def rmse(evaluation: Evaluation, worn: bool, first: int) -> float:
-    """Of the rate [m3/s] over the injections from the `first` on."""
     time = np.arange(evaluation.trace.injection_rate.size) / RATE
     true = np.interp(time, truth(worn).time, truth(worn).injection_rate)
     inside = np.zeros(time.size, np.bool_)
@@ -68,7 +67,6 @@ def rmse(evaluation: Evaluation, worn: bool, first: int) -> float:
 
 
 def masses(evaluation: Evaluation, worn: bool, first: int) -> NDArray[np.float64]:
-    """Relative errors of the masses of the injections from the `first` on."""
     result = truth(worn)
     errors = []
     for report in evaluation.reports[first:]:

@@ -292,7 +292,6 @@ def test_one_held_where_the_needle_does_not_move_is_none_nor_is_a_spike(held: tu
 
 
 def first_event(channels: list[NDArray[np.float64]]) -> np.void:
-    """As it closed."""
     stream, _ = observed(channels, events_required=0)
     event: np.void = stream.observer.events[0]
     return event

@@ -64,7 +64,6 @@ def mixture(suffix: str, count: int) -> list[LogFrame]:
 
 
 def write_log(path: Path, frames: list[LogFrame]) -> Path:
-    """Write frames in the format of the path's suffix, by python-can where it is only read here; the path."""
     if path.suffix not in LOGS_WRITTEN:
         with can.Logger(path) as logger:
             for frame in frames:

@@ -46,7 +46,6 @@ T = TypeVar("T")
 
 
 def unless_refused(path: Path, read: Callable[[], T]) -> T | None:
-    """The frames read from a file, or None where the file is refused by name."""
     try:
         return read()
     except UserError as error:
@@ -56,7 +55,6 @@ def unless_refused(path: Path, read: Callable[[], T]) -> T | None:
 
 
 def often(suffix: str) -> settings:
-    """Fewer examples of the format that is slow to read."""
     examples = settings().max_examples
     return settings(max_examples=min(examples, 20) if suffix == ".mf4" else examples)
 

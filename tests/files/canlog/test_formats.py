@@ -84,8 +84,7 @@ def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
             continue
         assert entries == complete[: len(entries)]
         if 0 < len(entries) < len(complete) and not log.notes():
-            # a text that ends where a line does, does not show that more lines followed
-            assert suffix in (".log", ".trc")
+            assert suffix in (".log", ".trc")  # ended by its end of line, it may have had more lines
             assert data[len(data[:size].rstrip()) :].lstrip(b" ").startswith((b"\n", b"\r\n"))
 
 

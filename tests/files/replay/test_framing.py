@@ -37,7 +37,6 @@ def test_missing_values_and_a_frame_not_filled_are_not_available() -> None:
 
 
 def test_messages_of_their_own_come_in_order_of_time(tmp_path: Path) -> None:
-    """Of 28 samples each."""
     bus = map_bus(load_bench(sample_bench(tmp_path, THREE_MESSAGES, rate=RATE)))
     recording = recording_of(28 * 5 + 3)
     frames = list(Framer(bus).frames(recording, all_samples(recording)))

@@ -21,8 +21,6 @@ from tests.links import FakeLink
 
 
 class Sink(FakeLink):
-    """A link that notes each frame sent and when."""
-
     def __init__(self) -> None:
         super().__init__()
         self.stamps: list[float] = []

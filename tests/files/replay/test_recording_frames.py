@@ -53,7 +53,6 @@ def rail_by_index(frames: list[TimedFrame]) -> dict[int, float]:
 
 
 def test_a_long_recording_is_sent_as_if_encoded_at_once(bus: BusMap) -> None:
-    """Each frame with its last sample."""
     recording = recording_of(5003, open_at=(100,))
     frames = sent(recording, bus)
     assert len(frames) == 556

@@ -55,7 +55,6 @@ def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
 
 
 def read(path: Path, user_bench: Bench) -> Recording:
-    """All of a file, put on one grid."""
     return open_recording(path, user_bench.injector).collected()
 
 

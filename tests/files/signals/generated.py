@@ -25,7 +25,6 @@ class RepeatedRecording(SignalStream):
         self.stretches = tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Made anew."""
         recording = self._recording
         for number, (times, stretch) in enumerate(zip(self._times, self.stretches, strict=True)):
             for again in range(times):

@@ -51,7 +51,6 @@ def named(*rows: str) -> str:
 
 
 def require_refusal(path: Path, folder: Path, *said: str, **bench_options: str) -> None:
-    """In these words, in their order."""
     with pytest.raises(UserError, match="(?s)" + ".*".join(map(re.escape, said))):
         read(path, bench(folder, **bench_options))
 
@@ -199,14 +198,12 @@ def test_a_line_with_a_separator_too_many_is_refused(tmp_path: Path, separator: 
 
 
 def column_of(cells: Sequence[str]) -> list[str]:
-    """Lines whose rail pressure is written so."""
     rows = [row.split(";") for row in lines(len(cells), decimal=".")]
     return [";".join([row[0], cell, *row[2:]]) for row, cell in zip(rows, cells, strict=True)]
 
 
 @pytest.mark.parametrize("sign", [".", ","])
 def test_whole_numbers_with_separators_of_thousands_are_no_decimals(tmp_path: Path, sign: str) -> None:
-    """999 and 1.002 in one column, of bar."""
     cells = [f"{990 + k % 30:,}".replace(",", sign) for k in range(120)]
     rows = [row.replace(".", sign) for row in column_of(cells)]
     path = write(tmp_path, named(*rows))

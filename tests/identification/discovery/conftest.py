@@ -17,15 +17,12 @@ WORN_POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
 
 @dataclass(frozen=True, eq=False)
 class Worn:
-    """An injector with v_H = WEAR, measured rate and all, and the answer."""
-
     task: DiscoveryTask
     findings: Findings
 
 
 @pytest.fixture(scope="session")
 def worn() -> Worn:
-    """Two operating points of a worn injector."""
     made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True)
     names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
     task = DiscoveryTask(NOMINAL, measurements(made), (), names)

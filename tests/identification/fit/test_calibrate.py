@@ -77,7 +77,6 @@ def _mass_error(injector: InjectorParameters) -> float:
 
 @pytest.fixture(scope="module")
 def by_pressures() -> CalibrationResult:
-    """Six recordings without a measured rate."""
     return _fit(_measured(simulations()), off_by_ten_percent())
 
 

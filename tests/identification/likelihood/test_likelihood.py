@@ -137,7 +137,6 @@ MODELS = {"lump": MODEL, "wave": effective_model(_ON_WAVES)}
 
 @cache
 def _likelihood(rate: float, line: str) -> JointLikelihood:
-    """One injection at the highest usual pressure, where waves are fastest."""
     schedule = make_schedule([150e6], 1, 0.06, [0.8e-3])
     recording = simulate(NOMINAL, schedule, rate, (), SimulatedNoise()).recording
     return joint_likelihood(measurements([recording]), MODELS[line])

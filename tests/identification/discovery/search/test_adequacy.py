@@ -18,7 +18,6 @@ N = 5000
 
 
 def _pool(scale: float = 1.0, shift: float = 0.0, phase: Phase = Phase.OPEN) -> Pool:
-    """White innovations in all phases, scaled and shifted in one of them."""
     phases = np.repeat(np.array([int(one) for one in Phase], np.int8), N)
     z: NDArray[np.float64] = np.random.default_rng(2).normal(size=phases.size)
     chosen = phases == phase
@@ -27,7 +26,6 @@ def _pool(scale: float = 1.0, shift: float = 0.0, phase: Phase = Phase.OPEN) -> 
 
 
 def _remainder(variance: float) -> HealthyRemainder:
-    """Remainder of a healthy injector with this mean square in the open phase."""
     left = WHITE | {"open": variance}
     nothing = dict.fromkeys(HealthyShape.model_fields, ())
     return HealthyRemainder.model_validate({"variance": left, "colour": left, "shape": nothing})

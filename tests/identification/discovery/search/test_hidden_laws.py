@@ -67,7 +67,6 @@ def test_a_law_is_found_that_is_large_against_the_noise() -> None:
 
 
 def with_sensor(change: Callable[[Floats], Floats]) -> Change:
-    """The line-pressure sensor reads something else."""
     step = seen_as(LINE, lambda _, pressure: change(pressure))
     return lambda bench: replace(bench, around=Surroundings(before_noise=(step,)))
 
@@ -123,7 +122,6 @@ def test_a_law_is_found_with_its_numbers(
 
 
 def spelled(law: str) -> tuple[str, list[float]]:
-    """The words of a law and its numbers."""
     return re.sub(NUMBER, "_", law), [float(one) for one in re.findall(NUMBER, law)]
 
 

@@ -108,7 +108,6 @@ def score_case(class_name: str, seed: int, number: int, how: needles.How) -> Row
 
 
 def with_ratios(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows with how much worse they are than a peer."""
     if "excess_pct" in frame:
         frame["much_worse"] = frame["excess_pct"] > 1.0
     for name in PEER_KINDS:

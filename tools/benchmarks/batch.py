@@ -51,10 +51,7 @@ def write_files(folder: Path, files: int, repeats: int) -> Path:
 
 
 def run(work: str, sources: Path, files: int, injections: int, bench: Path, *options: str) -> Row:
-    """Seconds by the clock and of all processors, from the command to its end; memory of its largest process.
-
-    Raises `RunError` for a batch that fails, or finds other injections than are there.
-    """
+    """Seconds by the clock and of all processors, memory of its largest process. Raises `RunError` if it fails."""
     messages.print(f"{work} ...", highlight=False)
     with tempfile.TemporaryDirectory(prefix="batch-") as results:
         words = ["batch", sources, "--out", f"{results}/out", "--bench", bench, "--json", *options]

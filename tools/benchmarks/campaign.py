@@ -1,7 +1,6 @@
 """A campaign: cases worked through on a few processes, a row of facts each; figures of the rows beside their bars.
 
-A row is a dict: facts as columns, one of them may be a list (of single injections, say). Rows are kept as they come,
-so that an interrupted run goes on, and stand at the end in one table beside the figures.
+A row is a dict of columns, lists of single injections among them. An interrupted run goes on with the rows kept.
 """
 
 import hashlib
@@ -60,14 +59,12 @@ class Bar:
 
     @property
     def limits(self) -> str:
-        """As they are printed."""
         texts = ((f">= {self.least:g}", self.least), (f"<= {self.most:g}", self.most))
         return " ".join(text for text, limit in texts if math.isfinite(limit))
 
 
 @cache
 def state_of_the_code() -> str:
-    """Digest of all that a row depends on."""
     digest = hashlib.sha256()
     for folder in SOURCES:
         for path in sorted(path for path in folder.rglob("*") if path.suffix in SUFFIXES):
@@ -185,10 +182,7 @@ def table(frame: pd.DataFrame, by: str, columns: Mapping[str, tuple[str, How]]) 
 def conclude(
     frame: pd.DataFrame, bars: Sequence[Bar], tables: Mapping[str, pd.DataFrame], out: Path, lines: Iterable[str] = ()
 ) -> None:
-    """Print verdict, tables by title and lines; the rows go into `out`, and the figures as exact as they are.
-
-    Raises `typer.Exit` with 1 where a bar is missed, or a case failed.
-    """
+    """Print verdict, tables by title and lines, keep all in `out`. Raises `typer.Exit` with 1 if a bar is missed."""
     verdict, failed = judged(frame, bars), frame[frame["failed"].notna()]
     failures = [f"failed: {row.label}: {row.failed}" for row in failed.itertuples()]
     out.mkdir(parents=True, exist_ok=True)

@@ -36,8 +36,6 @@ class Group(StrEnum):
 
 @dataclass(frozen=True)
 class Case:
-    """One bench of a class; `class_name`, `master_seed` and `number` determine it."""
-
     class_name: str
     master_seed: int
     number: int
@@ -49,7 +47,6 @@ Draw = Callable[[Generator], Faults]
 
 
 def sign(rng: Generator) -> float:
-    """Either, as often as the other."""
     return 1.0 if rng.random() < 0.5 else -1.0
 
 
@@ -203,7 +200,6 @@ def _faults_at(event: int, faults: Faults, change_event: int | None, grows: floa
 
 
 def worn_events(rng: Generator, wear: float) -> tuple[Event, ...]:
-    """Events of a nozzle that is worn from the start [v_H]."""
     events = drawn_events(rng, varying=rng.random() < 0.5)
     return tuple(replace(event, faults=Faults(orifice_area=wear)) for event in events)
 

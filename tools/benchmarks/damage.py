@@ -30,8 +30,6 @@ LONG = 30.0  # s, for one of these small files, on a machine that has other work
 
 
 class Became(StrEnum):
-    """What became of a damaged file."""
-
     REFUSED = "refused"
     TOLD = "read, something told"
     SAME = "read as undamaged"
@@ -117,7 +115,6 @@ def _converted(path: Path) -> tuple[Became, str]:
 
 
 def _run(*arguments: object) -> tuple[object, str, str]:
-    """Exit code, stdout and stderr of a command."""
     sys.argv, code = ["observer-rt", *map(str, arguments)], 0
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -139,7 +136,6 @@ def _content(path: Path) -> Sequence[object]:
 
 @cache
 def _whole_content(kind: str, target: str) -> Sequence[object]:
-    """What `convert` makes of the undamaged file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / kind
         write_whole(path)

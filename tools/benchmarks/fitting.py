@@ -26,10 +26,7 @@ FITTED, MAKER, MADE_BY = "fitted.toml", "new_part.toml", "made_by.txt"
 def fitted_model(
     folder: Path, recorded: Callable[[Path], Sequence[Path]], more: Sequence[str] = (), maker: str = ""
 ) -> Path:
-    """The injector file that `fit` makes of recordings, which `recorded` writes into a folder.
-
-    more: options of `fit`; maker: text of the file it starts from. Raises RunError where it fails.
-    """
+    """The injector file that `fit` makes of recordings; maker: text of the file it starts from. Raises RunError."""
     fitted, made_by = folder / FITTED, folder / MADE_BY
     if fitted.exists() and made_by.exists() and made_by.read_text() == state_of_the_code():
         return fitted

@@ -79,8 +79,6 @@ COLUMNS: dict[str, tuple[str, campaign.How]] = {
 
 
 class How(NamedTuple):
-    """How a case is scored."""
-
     with_peer: bool = False
     has_lift: bool = True
 

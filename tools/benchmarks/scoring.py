@@ -50,7 +50,7 @@ COLUMNS: dict[str, tuple[str, How]] = {  # that tables of facts share
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What an estimator made of a recording: masses of the openings [mg], mean squares by event of what it is off.
+    """What an estimator made of a recording: masses of the openings [mg], mean squares by event of its errors.
 
     rate_squares [(mm3/ms)^2]; x3_squares: of the normalised sac pressure, nan for an estimator without one.
     """
@@ -93,7 +93,6 @@ class Score:
         return [each for each in self.injections if each.valid and each.event >= self.count_from]
 
     def event_masses(self, masses: Array) -> Array:
-        """Of every event [mg], its openings summed."""
         return np.array([sum(masses[i] for i in openings) for openings in self.of_event])
 
     def event_errors_pct(self, name: str = OBSERVER) -> Array:
@@ -271,10 +270,7 @@ def x3_of_rate(rate: Array, bench: Bench) -> Array:
 
 
 def _covered_samples(error: Array, sigma: Array, windows: Windows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Samples with an open needle and a standard deviation, and of these those within 1.96 of it, event by event.
-
-    error, sigma: of the rate at every sample, in one unit; sigma is nan where it is not available.
-    """
+    """Samples with an open needle and a sigma (n,) that is not nan, and those within 1.96 of it, event by event."""
     available = np.isfinite(sigma)
     covered = available & (np.abs(error) <= Z_95 * np.where(available, sigma, 0.0))
     available_of, covered_of = (

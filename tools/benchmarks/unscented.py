@@ -124,7 +124,6 @@ def coefficients(part: Injector) -> Array:
 
 
 def stream_of(measured: Signals, part: Injector) -> Stream:
-    """The recording as the filter takes it, the lift within its noise shut."""
     interval, above = measured.time[1] - measured.time[0], measured.needle_lift > OPEN_LIFT
     pair = above[1:] & above[:-1]
     core = np.append(pair, False) | np.append(False, pair)

@@ -35,6 +35,5 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> Evaluation:
 
 
 def part_of(recording: Recording, span: Span) -> Recording:
-    """Samples of a span, as a recording of their own."""
     parts = {name: values[span.start : span.end] for name, values in recording.signals.items()}
     return recording.with_arrays({"time": np.arange(span.end - span.start) / recording.sample_rate, **parts})

@@ -66,6 +66,5 @@ def worn_model(discrepancy: Discrepancy, seed: int, out: Path, laws: Laws = NO_L
 
 
 def score_worn(discrepancy: Discrepancy, seed: int, number: int, model: Path, how: How) -> Row:
-    """Record a case, and score the observer on it."""
     case = worn_case(discrepancy, seed, number)
     return score_by(how, case, bench_at(case.bench.sample_rate, model))

@@ -78,10 +78,7 @@ def pump(source: int, line: int) -> None:
 
 
 def forward_signals(control: int, process: subprocess.Popen[bytes]) -> None:
-    """Deliver each signal number the host sends (one byte each) to the command's process group.
-
-    The line ends when the host side has died: then nobody waits for the command any more.
-    """
+    """Deliver each signal number (one byte) of the host to the command's process group, until the host side dies."""
     try:
         while numbers := os.read(control, 1):
             os.killpg(process.pid, numbers[0])

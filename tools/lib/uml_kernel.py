@@ -24,10 +24,7 @@ class Kernel:
 
 
 def kernel_below(root: Path) -> Kernel | None:
-    """The kernel installed below `root`, if all its parts are there.
-
-    Versions differ in where below the modules folder a module lies: they are searched by name.
-    """
+    """The kernel below `root`, if all its parts are there; modules are searched by name, for their folders differ."""
     program, libraries = root / PROGRAM, root / LIBRARIES
     if not os.access(program, os.X_OK):
         return None

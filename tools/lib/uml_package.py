@@ -16,8 +16,7 @@ LIBRARY_PACKAGE = "libc6"  # the newest kernel asks for a newer one than older s
 ARCHIVE_VARIABLE = "VCAN_DEBIAN_ARCHIVE"
 NEWEST = "testing main"
 ONLY_DEBIAN = ("Dir::Etc::SourceParts=-", "Dir::State::Status=/dev/null")  # what is installed is no alternative
-# Ubuntu carries Debian's keys, so that the chain of signatures stays whole.
-KEYRING_PACKAGE = "debian-archive-keyring"
+KEYRING_PACKAGE = "debian-archive-keyring"  # Ubuntu carries Debian's keys: the chain of signatures stays whole.
 KEYRING = "usr/share/keyrings/debian-archive-keyring.gpg"
 
 

@@ -24,8 +24,6 @@ BIN_EDGES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 
 class Grade(StrEnum):
-    """What an answer is worth: every case has one."""
-
     RIGHT = "right"
     AMBIGUOUS = "ambiguous"  # rightly left open: what is hidden is among names that cannot be told from it
     WRONG = "wrong"
@@ -74,12 +72,10 @@ class Answer:
 
     @property
     def names(self) -> list[str]:
-        """Effects that are named, or lead."""
         return [claim["id"] for claim in self.claims]
 
     @property
     def listed(self) -> list[str]:
-        """Named effects, and those that cannot be distinguished from them."""
         others = [other for claim in self.claims for other in claim["indistinguishable_from"]]
         return list(dict.fromkeys([*self.names, *others]))
 
@@ -88,7 +84,6 @@ class Answer:
         return [float(claim["confidence"]) * (1 if is_right(claim["id"]) else -1) for claim in self.claims]
 
     def facts(self) -> Row:
-        """Columns that every case has."""
         named = self.names[0] if len(self.names) == 1 else "several"
         claimed = ", ".join(f"{claim['id']} ({claim['confidence']:.2f})" for claim in self.claims)
         return {
@@ -100,10 +95,9 @@ class Answer:
 
 
 def ask(recordings: Sequence[Path], folder: Path, model: Path, choose: bool) -> Answer:
-    """Call `discover` with a model on recordings, its output in `folder`.
+    """Call `discover` with a model on recordings, its output in `folder`. Raises RuntimeError when it fails.
 
     choose: of several effects that are tied the first is chosen, by a second call whose time is not counted.
-    Raises RuntimeError when it fails.
     """
     command = [sys.executable, "-m", "observer_rt", "discover", "--model", str(model), "--out", str(folder)]
     command += map(str, recordings)

@@ -54,12 +54,10 @@ class HiddenCase:
 
     @property
     def name(self) -> str:
-        """Ids of the hidden effects, joined."""
         return "+".join(name for name, _ in self.parts) or HEALTHY
 
     @property
     def text(self) -> str:
-        """The same with its sizes in SI, and where."""
         sized = (f"{name} {' '.join(f'{value:.4g}' for value in values)}" for name, values in self.parts)
         rate, line = " with rate" if self.with_rate else "", f" {self.rig.discrepancy}" if self.rig else ""
         return f"{self.label}{line}{rate}: {' + '.join(sized) or HEALTHY}"

@@ -1,7 +1,4 @@
-"""`tools/bench discovery`: effects hidden in recordings of independent plants, and whether `discover` names them.
-
-The code under test gets recordings named by their order, a model, and no hint at the hidden effect.
-"""
+"""`tools/bench discovery`: whether `discover`, without a hint, names effects hidden in recordings of other plants."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,4 @@
-"""What no parameter of the model takes up: plants, each with a discrepancy of its own.
-
-Imports nothing of `observer_rt`.
-"""
+"""Discrepancies of plants that no parameter of the model takes up. Imports nothing of `observer_rt`."""
 
 import zlib
 from dataclasses import dataclass, replace
@@ -38,7 +35,6 @@ class Discrepancy(StrEnum):
 
     @property
     def number(self) -> int:
-        """What stands for it where its name would tell something."""
         return list(Discrepancy).index(self)
 
 

@@ -1,8 +1,4 @@
-"""Kinds of what may be hidden: faults and laws of the plant with their sizes, and where they stand in a model.
-
-Imports nothing of `observer_rt`: ids and parameter names are the contract, laws are the plant's own, equations are
-called as the package's terms call them.
-"""
+"""Hidden faults and laws of the plant: sizes, equations, places in a model. Imports nothing of `observer_rt`."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -66,8 +62,6 @@ def same_effect(first: str, second: str) -> bool:
 
 
 class TermEquation(StrEnum):
-    """Where a term stands in the model."""
-
     LINE_FLOW = "line_flow"  # momentum
     RAIL_PRESSURE = "rail_pressure"
     INERTANCE = "inertance"
@@ -129,18 +123,15 @@ class HiddenKind:
         return family | self.also | (frozenset() if with_rate else self.without_rate)
 
     def laws(self, values: Sequence[float], before: Laws = NO_LAWS) -> Laws:
-        """What the plant then does beyond its equations."""
         return before._replace(**self.named(values, Laws._fields))
 
     def faults(self, values: Sequence[float], number: int = 0, before: Faults = HEALTHY) -> Faults:
-        """Faults of the plant at an injection."""
         if self.switch:
             return before._replace(**{self.switch: 1.0})
         first, *others = values
         return before._replace(**self.named((first * self.by_number(number), *others), Faults._fields))
 
     def steps(self, values: Sequence[float]) -> tuple[Step, ...]:
-        """What sensors make of their signals."""
         return () if self.step is None else (self.step(*values),)
 
     def supplies(self, values: Sequence[float]) -> tuple[Callable[[Array], Array], ...]:
@@ -148,6 +139,5 @@ class HiddenKind:
         return () if self.supply is None else (self.supply(*values),)
 
     def named(self, values: Sequence[float], fields: Sequence[str]) -> dict[str, float]:
-        """Those of its parameters that are such fields."""
         pairs = zip(self.parameters, values, strict=True)
         return {p.fault: value for p, value in pairs if p.fault in fields}

@@ -1,7 +1,4 @@
-"""Effects that no vocabulary has: the law each follows, its sizes, and the equation a right proposal has.
-
-Imports nothing of `observer_rt`: the laws are the plant's own.
-"""
+"""Effects that no vocabulary has: law, sizes, equation of a right proposal. Imports nothing of `observer_rt`."""
 
 import math
 from collections.abc import Callable
@@ -99,8 +96,7 @@ _KINDS = (
         (_law("opening_loss", 0.15, 0.5, both=True), _law("opening_time", 0.15 * MS, 0.6 * MS))),
     _K("chamber_by_number", _CHAMBER, (_law("step", 1.5 * MPA, 5.0 * MPA, fault="chamber_pressure_step"),),
         by_number=float),
-    # Pa s/m3: 3 to 12 MPa at 60 mm3/ms
-    _K("chamber_by_flow", _CHAMBER, (_law("flow_back_pressure", 5e10, 2e11),)),
+    _K("chamber_by_flow", _CHAMBER, (_law("flow_back_pressure", 5e10, 2e11),)),  # Pa s/m3: 3 to 12 MPa at 60 mm3/ms
     _K("chamber_ringing", _CHAMBER, (_law("chamber_ringing", 4 * MPA, 15 * MPA),), in_library=False),
     _K("bent_line_sensor", _SENSOR, (_size("bow", 1.0 * MPA, 4.0 * MPA, both=True),),
         without_rate=kinds.MOMENTUM, step=bent_sensor),
@@ -112,8 +108,7 @@ _KINDS = (
         step=lambda size: seen_as(LINE, lambda _, p: p + size * np.sin(2.0 * math.pi * p / WAVE_OF_SENSOR))),
     _K("tap_resonance", _SENSOR, (_size("frequency", 5e3, 9e3),), without_rate=kinds.SEAT,
         step=lambda frequency: resonant_line(frequency, TAP_DAMPING)),
-    # of the rate, per second
-    _K("drifting_sensor", _SENSOR, (_size("rate", 5.0 * MPA, 20.0 * MPA, both=True),),
+    _K("drifting_sensor", _SENSOR, (_size("rate", 5.0 * MPA, 20.0 * MPA, both=True),),  # of the rate, per second
         without_rate=kinds.MOMENTUM, step=lambda rate: seen_as(LINE, lambda time, p: p + rate * time)),
     _K("creeping_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),), in_library=False,
         step=creeping_sensor),

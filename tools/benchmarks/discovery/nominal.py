@@ -23,7 +23,6 @@ MEANINGFUL_GAP = 0.1  # MPa or mg; the share that is left of a smaller gap says 
 
 
 def score_nominal(case: HiddenCase, model: Path) -> Row:
-    """Record a case, run `discover` on it, and judge the answer."""
     with TemporaryDirectory(prefix="discovery-") as name:
         files = scoring.write_all(nominal_benches(case, GIVEN), case.with_rate, Path(name) / "given")
         answer = ask(files, Path(name) / "answer", model, choose=True)
@@ -72,7 +71,6 @@ def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, f
 
 
 def misses(frame: pd.DataFrame) -> list[str]:
-    """A line for every case with a wrong answer."""
     wrong = frame[frame["grade"].eq(Grade.WRONG)] if "grade" in frame else frame[:0]
     return [f"{row.text}: {row.verdict} {row.claimed}{row.rivals}" for row in wrong.itertuples()]
 

@@ -1,7 +1,6 @@
-"""The oracle: the true model with any effect on recordings, by whitened innovations.
+"""The oracle: the true model with any effect on recordings, by whitened innovations: which effects could be seen?
 
-It judges whether an effect could be seen at all, and whether two, each at its best, can be distinguished. Imports
-nothing of `observer_rt`.
+It also judges whether two, each at its best, can be distinguished. Imports nothing of `observer_rt`.
 """
 
 import math
@@ -98,7 +97,6 @@ class OracleRecording:
 
 
 def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> OracleRecording:
-    """A recording for the oracle."""
     measured = outcome.measured
     openings = plant.openings_of(outcome.truth.needle_lift, 0.0)
     starts = (plant.event_start(number) for number in range(len(bench.events)))
@@ -113,7 +111,6 @@ def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> Ora
 
 
 def record_all(benches: Sequence[plant.Bench], with_rate: bool) -> tuple[tuple[OracleRecording, plant.Outcome], ...]:
-    """Every bench's recording and what really happened."""
     return tuple((recorded(b, outcome, with_rate), outcome) for b in benches for outcome in [plant.record(b)])
 
 

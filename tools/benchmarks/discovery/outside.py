@@ -33,7 +33,6 @@ def score_outside(case: HiddenCase, model: Path | str) -> Row:
 
 
 def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
-    """A case and its answer as a row; None: is not asked."""
     hidden, best = case.asked is not Query.HEALTHY, answer.best
     kind = ALL_KINDS[case.name] if hidden else None
     right_equations = kind.equations(case.with_rate) if kind else frozenset()
@@ -120,7 +119,6 @@ def _is_right(
 
 
 def misses(frame: pd.DataFrame) -> list[str]:
-    """A line for every case that something is wrong with."""
     return [
         f"{row.text}: {row.said} ({row.confidence:.2f}), proposed {row.proposal}; "
         f"p_L {row.pressure_before:.2f} to {row.pressure_after:.2f} MPa, "
@@ -130,7 +128,6 @@ def misses(frame: pd.DataFrame) -> list[str]:
 
 
 def bars(tier: str) -> Sequence[Bar]:
-    """Limits of tiers A and B."""
     index, of_library, of_two = "AB".index(tier), "asked == 'outside' and in_library == {}", "asked == 'product'"
     at_least = (
         ("right_equation_in_library", of_library.format(True), "right_equation", 0.95, 0.85),

@@ -30,10 +30,7 @@ Measurements = Sequence[Measurement]
 
 @dataclass(frozen=True)
 class ProposedTerms:
-    """Terms proposed together, by equation and as text, beside effects of the vocabulary.
-
-    may_enter: into an amended model, by the guard; inputs: variables of the laws.
-    """
+    """Terms proposed together, beside effects of the vocabulary; may_enter: an amended model; inputs: of the laws."""
 
     equations: tuple[str, ...]
     text: str

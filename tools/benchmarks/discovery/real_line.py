@@ -113,7 +113,6 @@ def facts_of(case: HiddenCase, answer: answers.Answer) -> Row:
 
 
 def misses(frame: pd.DataFrame) -> list[str]:
-    """A line for every case that was answered wrongly, surely so, or left a larger gap."""
     if "grade" not in frame:
         return []
     wrong = frame["grade"].eq(answers.Grade.WRONG) | frame["wrong_and_sure"].eq(True) | frame["gap_larger"].eq(True)

@@ -34,12 +34,10 @@ class Rig:
 
     @property
     def name(self) -> str:
-        """What its folder is called."""
         return f"{self.discrepancy}{'-with-rate' if self.with_rate else ''}-{self.seed}"
 
 
 def healthy_benches(rig: Rig) -> tuple[Bench, ...]:
-    """What `fit` is given of a rig."""
     rng = np.random.default_rng([rig.seed, rig.discrepancy.number, zlib.crc32(b"healthy")])
     return tuple(bench_of(rig, point, FIT_INJECTIONS, rng) for point in GIVEN)
 
@@ -58,17 +56,13 @@ def bench_of(rig: Rig, point: tuple[float, float], injections: int, rng: Generat
 
 
 def needle_of(rig: Rig) -> Needle:
-    """The needle of a rig."""
     rng = np.random.default_rng([rig.seed, rig.discrepancy.number, zlib.crc32(b"needle")])
     opening, closing = 1.0 + NEEDLE_SPREAD * rng.uniform(-1.0, 1.0, 2)
     return Needle(0.80 * opening, 0.90 * closing)
 
 
 def measured_rate(bench: Bench, outcome: Outcome) -> Array:
-    """Rate an instrument measures beside the injector [m3/s] (n,): white noise, and a gain error of the recording.
-
-    Of a bench without noise the true rate.
-    """
+    """Rate an instrument measures [m3/s] (n,), with white noise and a gain error; true of a bench without noise."""
     rng = np.random.default_rng([bench.seed, 1])
     truth = outcome.truth.injection_rate
     gain = 1.0 + RATE_GAIN * bench.noise * rng.normal()

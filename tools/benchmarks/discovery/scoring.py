@@ -81,7 +81,6 @@ def held_intervals(truth: Parts, answer: Answer) -> list[bool]:
 
 
 def recordings(benches: Iterable[Bench], with_rate: bool) -> Iterator[Recording]:
-    """What benches come to."""
     for bench in benches:
         outcome = record(bench)
         recording = recording_of(outcome)
@@ -99,7 +98,6 @@ def write_all(benches: Iterable[Bench], with_rate: bool, folder: Path) -> list[P
 
 
 def measured(benches: Iterable[Bench], with_rate: bool = True) -> tuple[Measurement, ...]:
-    """What benches come to, as it is measured."""
     return measurements([*recordings(benches, with_rate)])
 
 
@@ -112,10 +110,7 @@ def gaps(benches: Iterable[Bench], injectors: Sequence[InjectorParameters]) -> t
 
 @dataclass(frozen=True)
 class Misfit:
-    """Rms of model minus plant at operating points that were not given: line pressure around openings, and mass.
-
-    flow: largest difference of the injection rates, as share of an injection's largest.
-    """
+    """Rms of model minus plant at other operating points; flow: largest difference as share of an injection's."""
 
     pressure_mpa: float
     mass_mg: float
@@ -145,7 +140,6 @@ def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
 
 
 def injector_of(text: str) -> InjectorParameters:
-    """The injector of an injector file's text."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "injector.toml"
         path.write_text(text)
@@ -153,7 +147,6 @@ def injector_of(text: str) -> InjectorParameters:
 
 
 def faults_of(case: HiddenCase) -> Faults:
-    """Faults of the plant of tier A."""
     return HIDDEN[case.name].faults(case.parts[0][1]) if case.parts else Faults()
 
 

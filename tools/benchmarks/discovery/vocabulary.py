@@ -1,7 +1,4 @@
-"""Hidden effects: those of the vocabulary at the sizes of tier A and of tier B, pairs, and effects without a name.
-
-Imports nothing of `observer_rt`: ids and parameter names are the contract.
-"""
+"""Hidden effects: named ones at sizes of both tiers, pairs, and nameless ones. Imports nothing of `observer_rt`."""
 
 from dataclasses import replace
 

@@ -65,10 +65,7 @@ STRUCK: dict[str, tuple[str, How]] = {name: (name, "sum") for name in ("said", "
 
 
 def score_scenario(task: Task, model: Path | None = None, has_lift: bool = True) -> Row:
-    """Record a scenario, play it to the observer, and score the published results; model: on tier B.
-
-    Without a lift it is evaluated as a recording, for a live rate is preliminary.
-    """
+    """Score a scenario, played to the observer, or without a lift as a recording (a live rate is preliminary)."""
     scenario = drawn(task, TABLE, model is not None)
     bench = bench_at(scenario.bench.sample_rate, model)
     if scenario.blocks:  # each signal has a message of its own
@@ -84,12 +81,10 @@ def score_scenario(task: Task, model: Path | None = None, has_lift: bool = True)
 
 
 def is_faulty(row: Row) -> bool:
-    """Whether a scenario misses a bar by itself."""
     return bool(row["is_wrong"] or row["crash"] or row["is_named"] is False or row["in_time"] is False)
 
 
 def line_of(row: Row) -> str:
-    """A line of a scenario that was wrong."""
     wrong = f"{row['wrong_samples']} samples and {row['wrong_summaries']} injections valid and wrong"
     again = f"valid again after {row['recovered_after'] or '-'} events"
     return f"{row['label']}: {wrong}, {again}; {', '.join(row['reasons'])} {row['crash']}"

@@ -39,8 +39,6 @@ _TOLD = re.compile(r"injection (\d+) at index (\d+): (?:([\d.]+) mg|mass unknown
 
 
 class Strike(StrEnum):
-    """A way to stop a daemon."""
-
     KILLED = "killed"
     FULL_DISK = "disk_full"
     POWER_LOST = "power_lost"
@@ -156,7 +154,6 @@ def _learning(disk: Path, environment: dict[str, Path]) -> Iterator[Observer]:
 
 @contextlib.contextmanager
 def _without_room(process: int) -> Iterator[None]:
-    """Limit all files of a process to a few bytes, as a full disk does."""
     soft, hard = resource.prlimit(process, resource.RLIMIT_FSIZE)
     resource.prlimit(process, resource.RLIMIT_FSIZE, (SMALL_FILE, hard))
     try:

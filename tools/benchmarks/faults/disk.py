@@ -1,7 +1,4 @@
-"""A simulated disk: after a loss of power it holds what was synced.
-
-What was not synced may be there or not, write by write, each torn at any byte; names come in their order.
-"""
+"""A simulated disk: after a loss of power it holds the synced writes, and any others, each torn at any byte."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -50,7 +47,6 @@ class Disk:
     """Follows operations; `cut` writes what may be left of them."""
 
     def __init__(self, folder: Path) -> None:
-        """folder: the one the operations are in."""
         self._folder = folder
         self._names: dict[str, _File] = {}
         self._durable: dict[str, _File] = {}
@@ -58,7 +54,6 @@ class Disk:
         self._open: dict[int, _File | None] = {}  # None: the folder
 
     def do(self, operation: Operation) -> None:
-        """One more operation."""
         kind, fd = operation.kind, operation.descriptor
         if kind in ("open", "create", "trunc"):
             self._begin(operation)
@@ -103,7 +98,6 @@ class Disk:
 
 
 def operations(log: Path) -> Sequence[Operation]:
-    """Those of a log."""
     done, data, at = [], log.read_bytes(), 0
     while at < len(data):
         end = data.index(b"\n", at)

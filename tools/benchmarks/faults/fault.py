@@ -52,7 +52,6 @@ class Fault:
 
     @property
     def scale(self) -> float:
-        """SI of one unit."""
         return SCALES.get(re.split("[, /]", self.unit)[0], 1.0)
 
 
@@ -117,12 +116,10 @@ class PlacedFault:
 
     @property
     def chance(self) -> Generator:
-        """The same every time."""
         return np.random.default_rng(self.seed)
 
     @property
     def stated(self) -> Stated:
-        """Keys of the bench file."""
         return self.fault.stated(self.size) if self.is_stated and self.fault.stated else {}
 
     def on(self, bench: Bench) -> Bench:

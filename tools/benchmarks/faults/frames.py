@@ -61,7 +61,6 @@ def _index_jump(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
 
 
 def _restarted(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
-    """The device begins again at 0, and goes on so."""
     first = min(index_of(each.payload) for each in frames)
     return [_rewritten(each, bus, moved=-first) for each in frames]
 

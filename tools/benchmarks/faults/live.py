@@ -122,8 +122,7 @@ def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus:
     for thread in threads:
         thread.start()
     end = begun + frames[-1].time + REST
-    # The daemon may lag on a busy machine.
-    while time.monotonic() < end or any(thread.is_alive() for thread in threads):
+    while time.monotonic() < end or any(thread.is_alive() for thread in threads):  # The daemon may lag if busy.
         try:
             frame = ear.receive(0.05)
         except RunError:  # away; where it is not back yet, the link stays closed

@@ -1,7 +1,4 @@
-"""Plays a scenario to the service's core, as frames in and frames out, and keeps what it published.
-
-Faults of the process: learning that hangs or fails, and a kill.
-"""
+"""Plays a scenario, with faults of the process, to the service's core as frames, and keeps what it published."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -53,14 +50,12 @@ class UnreliableExecutor(Executor):
         self._waiting: list[tuple[Future[Any], Callable[[], Any]]] = []
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call `fn`, now or later."""
         future: Future[Any] = Future()
         self._waiting.append((future, lambda: fn(*args, **kwargs)))
         self.work()
         return future
 
     def work(self) -> None:
-        """Do what waits, unless it hangs."""
         while self._waiting and self.kind is not HUNG:
             future, job = self._waiting.pop(0)
             if self.kind is FAILING:
@@ -122,7 +117,6 @@ class Receiver:
     """Puts published frames to the samples they are of."""
 
     def __init__(self, time: NDArray[np.float64]) -> None:
-        """time: of the recording's samples [s]."""
         self._time = time
         # by which the device's index was ahead of the recording's, from which sample on, the newest last
         self._moves = [(0, 0)]
@@ -139,7 +133,6 @@ class Receiver:
         self.newest = max(self.newest, sample)
 
     def take(self, frames: Sequence[OutputFrame]) -> None:
-        """Published frames, each to its samples."""
         for frame in frames:
             if frame.frame_id == RATE_ID:
                 self._take_rates(np.frombuffer(frame.payload, _RATES)[0])

@@ -32,7 +32,6 @@ class Task:
 
     @property
     def label(self) -> str:
-        """The same as text."""
         return f"{self.class_name} {self.master_seed} {self.number}"
 
 
@@ -48,7 +47,6 @@ class Scenario:
 
     @property
     def is_lasting(self) -> bool:
-        """Whether everything that is wrong is there throughout."""
         return all(each.fault.lasting for each in self.placed)
 
 
@@ -79,10 +77,7 @@ def tasks(table: Mapping[str, Fault], names: list[str], count: int, master_seed:
 
 
 def drawn(task: Task, table: Mapping[str, Fault], is_rich: bool) -> Scenario:
-    """The scenario of a task, whose class names its entries. Raises KeyError for an unknown one.
-
-    What a bench file states changes nothing of the recording.
-    """
+    """The scenario of a task by its entries, whether stated or not. Raises KeyError for an unknown entry."""
     key = task.class_name.replace(STATED, "")
     rng = np.random.default_rng([task.master_seed, zlib.crc32(key.encode()), task.number])
     parsed = (_parsed(name, table) for name in task.class_name.split(AND))

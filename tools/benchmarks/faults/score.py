@@ -120,7 +120,6 @@ def _verdict(got: Array, true: Array, windows: Windows) -> Verdict:
 
 
 def _named(published: Results, begin: float) -> tuple[str, ...]:
-    """Reasons given from a sample on."""
     stream = [name for sample, name in published.reason if sample >= begin]
     injections = [each.reason for each in published.summaries if each.first >= begin and not each.is_valid]
     return tuple(dict.fromkeys(name for name in (*stream, *injections) if name not in _NOTHING_WRONG))

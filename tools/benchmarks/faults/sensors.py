@@ -145,7 +145,6 @@ def _coarse(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 
 def few_bits(part: Part) -> Signals:
-    """Converters of `size` bits."""
     pressures = on(_coarse, RAIL, LINE)(replace(part, size=250e6 / 2.0**part.size))
     return on(_coarse, LIFT)(replace(part, seen=pressures, size=500e-6 / 2.0**part.size))
 
@@ -291,7 +290,6 @@ def _floating(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 
 def _wandering(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    """From wall to wall."""
     return np.abs((np.cumsum(0.02 * size * rng.normal(size=time.size)) + size) % (2 * size) - size)
 
 

@@ -19,8 +19,6 @@ from tools.benchmarks.speed.traffic import make_traffic
 
 
 class Part(StrEnum):
-    """What `--only` chooses from, in the order it is measured."""
-
     SUSTAINED = "sustained"
     ROUNDTRIP = "roundtrip"
     STARTUP = "startup"

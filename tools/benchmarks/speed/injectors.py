@@ -49,7 +49,6 @@ def in_windows(traffic: Traffic) -> Traffic:
 
 
 def sent_frames(traffic: Traffic) -> NDArray[np.bool_]:
-    """Whether each frame of the loop is sent (frames,); else it is a pause."""
     return np.asarray(np.frombuffer(traffic.loop.read_bytes(), RAW_FRAME)["length"] > 0)
 
 

@@ -35,11 +35,9 @@ class Observer:
 
     @property
     def resources(self) -> psutil.Process:
-        """What the system knows of it."""
         return psutil.Process(self.process.pid)
 
     def cpu_time(self) -> float:
-        """Seconds of processor time so far, of all its threads, its children's not."""
         times = self.resources.cpu_times()
         return float(times.user + times.system)
 
@@ -49,7 +47,6 @@ class Observer:
 
     @contextmanager
     def resumed(self) -> Iterator[None]:
-        """Let one that was suspended run for a while."""
         self.process.send_signal(signal.SIGCONT)
         try:
             yield
@@ -57,7 +54,6 @@ class Observer:
             self.suspend()
 
     def suspend(self) -> None:
-        """Let it run no more until `resumed`."""
         self.process.send_signal(signal.SIGSTOP)
 
 

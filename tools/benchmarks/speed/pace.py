@@ -17,8 +17,7 @@ from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
 
 LINGER = 0.3  # s after the last answer
-# A frame may wait so long for room [s]: 20,000 frames, as many as a SocketCAN receive buffer of 16 MiB holds.
-BACKLOG = 1.8
+BACKLOG = 1.8  # A frame may wait so long for room [s]: 20,000 frames, as many as a SocketCAN buffer of 16 MiB holds.
 
 
 def latency_of(seconds: Array) -> Row:
@@ -66,12 +65,10 @@ class Passage:
 
     @property
     def repeated(self) -> int:
-        """Samples reported more than once."""
         return (self.index.size - np.unique(self.index).size) * RATES
 
     @property
     def seconds(self) -> float:
-        """From the first frame to the last answer."""
         return float(self.received[-1] - self.sent[0]) * 1e-9 if self.received.size else float("nan")
 
 
@@ -104,5 +101,4 @@ class Pacer:
 
 
 def socket_pacer(folder: Path, traffic: Traffic, end: socket.socket, first: int = 0) -> Pacer:
-    """One that sends through an end of a pair of sockets; first: number of the first frame."""
     return Pacer(folder, traffic, f"fd:{end.fileno()}", Ids(), [end.fileno()], first)

@@ -44,8 +44,6 @@ class QuasiStaticNozzle:
 
 
 class Peer:
-    """Frames in, rate frames out."""
-
     def __init__(self, database: str, input_id: int, rate_id: int, ahead: int) -> None:
         loaded = cantools.database.load_file(database)
         self._input, self._output = (loaded.get_message_by_frame_id(number) for number in (input_id, rate_id))
@@ -54,7 +52,6 @@ class Peer:
         self._begin, self._count = -1, 0  # index of the first rate; frames sent
 
     def handle(self, payload: bytes) -> list[bytes]:
-        """Take a frame, return the payloads of the rate frames that it completes."""
         values = self._input.decode(payload, decode_choices=False)
         assert isinstance(values, dict)
         lift, line = (
@@ -80,7 +77,6 @@ class Peer:
 
 
 def serve(channel: str, input_id: int, rate_id: int, peer: Peer) -> None:
-    """Answer until SIGTERM."""
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
     filters: list[can.typechecking.CanFilter] = [{"can_id": input_id, "can_mask": 0x7FF, "extended": False}]

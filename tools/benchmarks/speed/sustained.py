@@ -1,6 +1,4 @@
-"""Our daemon on a socket pair with raw frames: its share of a processor at 100 kHz, its start, and a soak, in which
-its Python pauses at random: does memory grow, are samples lost?
-"""
+"""Our daemon on a socket pair at 100 kHz: its load, its start, and a soak in which its Python pauses at random."""
 
 import socket
 from collections.abc import Iterator, Sequence

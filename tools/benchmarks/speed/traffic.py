@@ -66,7 +66,6 @@ def worn_loop(injections: int) -> Recording:
 
 
 def make_traffic(folder: Path) -> Traffic:
-    """Write a loop of injections of a worn injector."""
     recording = worn_loop(_EVENTS)
     bus = map_bus(bench_at(SAMPLE_RATE))
     payloads = [frame.payload for frame in Framer(bus).frames(recording, all_samples(recording))]
@@ -92,7 +91,6 @@ def samples_ahead(payloads: Sequence[bytes]) -> int:
 
 
 def index_of(payload: bytes) -> int:
-    """The sample index in a frame."""
     return int.from_bytes(payload[4:8], "little")
 
 

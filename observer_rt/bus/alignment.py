@@ -87,10 +87,7 @@ class Timekeeping(NamedTuple):
 
 
 def make_timekeeping(timing: Structs, samples: Ints, leading: int) -> Timekeeping:
-    """Memory of all messages before the first frame.
-
-    timing: rows TIMING; samples: of every role in one frame of each message; leading: number of the grid's message.
-    """
+    """Memory before the first frame, by rows TIMING and samples a frame; leading: number of the grid's message."""
     memory = np.zeros(1, core.TIMEKEEPING)
     memory["leading"] = leading
     memory["by_stamps"] = bool(

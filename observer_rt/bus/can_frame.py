@@ -11,12 +11,10 @@ CLASSIC_MTU = 16  # bytes of struct can_frame, whatever the frame carries
 FD_MTU = 72  # and of struct canfd_frame
 HEADER_BYTES = 8  # of both, before the data
 EXTENDED_FLAG, REMOTE_FLAG, ERROR_FLAG = 0x8000_0000, 0x4000_0000, 0x2000_0000  # in their identifier
-# Flags of struct canfd_frame: data sent faster, sender error passive.
-BIT_RATE_SWITCH, ERROR_STATE = 0x01, 0x02
+BIT_RATE_SWITCH, ERROR_STATE = 0x01, 0x02  # Flags of struct canfd_frame: data sent faster, sender error passive.
 ARPHRD_CAN = 280  # kind of interface
 
-# Added to the id of a frame.
-EXTENDED = 1 << 32
+EXTENDED = 1 << 32  # Added to the id of a frame.
 BUS = 1 << 33  # for each bus before its own
 # A stuff bit follows five equal bits: after the first of a run (perhaps a stuff bit) come 2^5 - 2 bits on average.
 BITS_PER_STUFF_BIT = 30.0

@@ -56,10 +56,7 @@ def socket_places(injector: BenchInjector, state: Path | None = None) -> tuple[P
 
 @contextmanager
 def control_socket(kept: Path, requests: Requests, say: Callable[[str], None] = lambda _: None) -> Iterator[None]:
-    """Answer requests at the socket of a file; say: takes a warning of too many clients.
-
-    Raises OSError where no socket can be made, or another daemon has it.
-    """
+    """Answer requests at the socket of a file; `say` takes warnings. Raises OSError without a socket of its own."""
     with _address(kept) as address:
         with suppress(FileNotFoundError, ConnectionRefusedError), socket.socket(socket.AF_UNIX) as other:
             other.connect(address)

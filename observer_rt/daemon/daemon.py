@@ -87,10 +87,7 @@ class Daemon:
         self.ready = threading.Event()
 
     def run(self, stop: threading.Event) -> None:
-        """Serve until `stop` is set, then publish complete results and a last status frame.
-
-        Waits for an interface that is down, serving the others; raises `RunError` when a link fails otherwise.
-        """
+        """Serve until `stop` is set, then publish the rest; waits for interfaces that are down. Raises `RunError`."""
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
         touch(self.core.compiled.pipeline)
@@ -157,7 +154,6 @@ class Daemon:
             self._on_alive()
 
     def _send_results(self, frames: Sequence[OutputFrame]) -> None:
-        """Posts results to their buses, behind those that wait there."""
         for bus, port in enumerate(self.ports):
             try:
                 port.post((frame for frame in frames if frame.bus == bus), self._pump.sender(bus))
@@ -172,7 +168,6 @@ class Daemon:
         self._last_input = 0  # what came before is past
 
     def _finish(self) -> None:
-        """Publish complete results, and a last status frame, as far as the links take them."""
         self._send_results(self._pump.finish())
         self._send_results(self._status(time.monotonic_ns()))
         for bus, port in enumerate(self.ports):

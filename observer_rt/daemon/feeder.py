@@ -32,8 +32,7 @@ class Pace:
         self._buses = [layout_of(bus_map, stream).bus for stream in range(len(bus_map.inputs.streams))]
         self._are_several = len(set(self._buses)) > 1
         self._is_silent = is_silent
-        # by stream: sample index, and since when [s]
-        self._reached = [(NO_INDEX, 0.0)] * len(self._buses)
+        self._reached = [(NO_INDEX, 0.0)] * len(self._buses)  # by stream: sample index, and since when [s]
 
     def is_ahead(self, bus: int) -> bool:
         """Whether a bus is so far ahead of another that its next frame is to wait."""

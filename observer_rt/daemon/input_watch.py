@@ -39,8 +39,7 @@ _LOST_AT_ONCE = 0.1  # s of samples lost from one look to the next
 PERIOD = 100_000_000  # ns between two looks
 MOST_SAMPLES = 1024  # of a look, which the loop waits for
 
-# s that a state must last to be reported: a source that sends windows changes it at each of them.
-LASTING = 1.0
+LASTING = 1.0  # s that a state must last to be reported: a source that sends windows changes it at each of them.
 ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # reasons when messages stay away
 
 

@@ -57,10 +57,7 @@ Row = Mapping[str, Value]
 
 
 class JournalWriter:
-    """Listener in the loop, where it only collects; writes the rows of one run from another thread.
-
-    A file that is taken away meanwhile is begun anew.
-    """
+    """Listener that only collects; another thread writes the rows of a run. A file taken away is begun anew."""
 
     def __init__(self, path: Path, bench: Bench, tell: Callable[[str], None]) -> None:
         """Raises `UserError` for a file that is no journal; the first `write` makes the file."""
@@ -115,8 +112,7 @@ class JournalWriter:
             if self._identity is not None and not is_at(self._path, self._identity):
                 self._begin_anew()
         while self._waiting or not self._is_begun:
-            # by index: the loop may add more meanwhile
-            batch = [self._waiting[i] for i in range(min(len(self._waiting), BATCH))]
+            batch = [self._waiting[i] for i in range(min(len(self._waiting), BATCH))]  # the loop may add more
             with self._writing() as connection:
                 connection.execute("BEGIN IMMEDIATE")
                 connection.execute(_ADD_RUN, self._about_run)

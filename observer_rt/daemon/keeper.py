@@ -93,8 +93,7 @@ class Keeper:
     @contextlib.contextmanager
     def keeping(self, source: KnowledgeSource) -> Iterator[None]:
         """While it lasts, write new results within `save_within_s`; at the end, a last time, or `UnsavedError`."""
-        # what comes just after a write waits for the next one, and for its end
-        interval = self._injector.config.state.save_within_s / 2
+        interval = self._injector.config.state.save_within_s / 2  # what comes just after a write waits for the next
         state = LearnedState(self.state, self._injector, source) if self.state is not None else None
         files = (file for file in (state, self._journal) if file is not None)
         self._writers = [RetryingWriter(file, interval, self._tell) for file in files]
@@ -111,7 +110,6 @@ class Keeper:
                 raise UnsavedError("\n".join(problems))
 
     def _write_repeatedly(self, interval: float, stop: threading.Event) -> None:
-        """Write again and again, `interval` seconds from begin to begin, until stopped."""
         wait = 0.0
         while not stop.wait(wait):
             began = time.monotonic()
@@ -173,10 +171,7 @@ def kept_files(injector: BenchInjector, state: Path | None = None, journal: Path
 
 @contextlib.contextmanager
 def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell) -> Iterator[Keeper]:
-    """Keeper of a daemon's files, theirs alone while it lasts; those the bench file names where none is given.
-
-    Raises `UserError` for files that cannot be kept, or are another daemon's.
-    """
+    """Keeper of files, the bench file's where none is given. Raises `UserError` for unfit files and those in use."""
     files = kept_files(bench.injector, state, journal)
     with contextlib.ExitStack() as locks:
         if files.state is not None:

@@ -46,10 +46,7 @@ class ServiceLog(AbstractContextManager["ServiceLog"]):
         quiet: bool = False,
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """console: of stderr; file: to which lines are appended, anew after logrotate moved it; stream: of records.
-
-        quiet: leave to the view what it shows. Raises `OSError` when the file cannot be opened.
-        """
+        """file: lines are appended, anew after logrotate; quiet: leave to the view its own. Raises `OSError`."""
         self._is_journal = is_journal(console.file, environment)
         self._hidden = QUIET_TOPICS if quiet else frozenset[Topic]()
         self._screen = _Outlet(partial(_show_line, console))
@@ -114,7 +111,6 @@ def _now() -> str:
 
 
 def _show_line(console: Console, line: str) -> None:
-    """Print a line onto the console, above the view where there is one."""
     if console.is_terminal:
         say(console, line)
     else:  # rich takes half a millisecond a line, in which no injector is attended to

@@ -178,8 +178,7 @@ class FramePump:
         if bus in self._fed or not isinstance(link, SocketCanLink):
             link = Feeder(link, bus, partial(self._pace.is_ahead, bus))
         self._ends[bus] = link
-        # wakes now and then for what Python has to say; sending never waits
-        os.set_blocking(link.descriptor, True)
+        os.set_blocking(link.descriptor, True)  # wakes now and then for what Python has to say; sending never waits
         wait = _TIMEVAL.pack(0, WAIT_MS * 1000)
         with socket.socket(fileno=os.dup(link.descriptor)) as same:
             same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
@@ -271,7 +270,6 @@ class FramePump:
             self._unsent = unsent
 
     def _bus_failure(self) -> Exception | None:
-        """Failure that the loop met on a bus that is served; None without one."""
         for number, end in self._ends.items():
             code = int(self._pump.buses[number]["failure"])
             if code != 0 and number not in self._left_out:

@@ -1,7 +1,4 @@
-"""Processors and real-time rights: what keeps other programs, and Python, from delaying the loop.
-
-Used where Linux grants it; processors are those the bench file names, else those Linux keeps apart.
-"""
+"""Processors and real-time rights that Linux grants, so that neither other programs nor Python delay the loop."""
 
 import ctypes
 import os
@@ -89,7 +86,6 @@ def hurry(processor: int | None, priority: int) -> bool:
 
 
 def _tried(what: Callable[[], _T]) -> _T:
-    """Result of a call in a thread that ends with it."""
     with ThreadPoolExecutor(1) as trial:
         return trial.submit(what).result()
 
@@ -101,7 +97,6 @@ def drop_priority() -> None:
 
 
 def _raise_limit(which: int) -> None:
-    """Raises the soft limit to the hard one."""
     _, most = resource.getrlimit(which)
     with suppress(ValueError, OSError):
         resource.setrlimit(which, (most, most))

@@ -33,10 +33,7 @@ UNSAVED = "the reload goes on; what was learned with the model before is kept by
 
 @dataclass
 class Serving:
-    """State that outlasts a change of the bench file; screen: of the view, or None; processor: of the loop.
-
-    learned: by model, kept even without a file, for when taking over another model is undone.
-    """
+    """State that outlasts a change of the bench file; learned: by model, for when another one is undone."""
 
     screen: Console | None
     options: RunOptions
@@ -53,10 +50,7 @@ class Serving:
     """Whether the last bench was in service when it ended."""
 
     def serve(self, bench: Bench) -> Bench | None:
-        """Serve a bench until asked to stop, or another is to take its place, which is returned.
-
-        Raises `UserError` and `RunError`; where another takes its place, what could not be saved is only said.
-        """
+        """Serve a bench until asked to stop (None), or to serve another, returned. Raises `UserError`, `RunError`."""
         self.has_observed = False
         with ExitStack() as stack:
             service = self._service(bench, stack)
@@ -140,8 +134,7 @@ def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> N
         log = stack.enter_context(_log(options, console, has_view))
         if options.view and not has_view:
             log.say(Topic.START, "no terminal for the view: one line an injection instead")
-        # from here on, so that a signal while starting is not lost
-        stop = stack.enter_context(stop_on_signals(reloads=True))
+        stop = stack.enter_context(stop_on_signals(reloads=True))  # first, not to lose a signal while starting
         stack.callback(gc.unfreeze)
         own = processors(all_injectors.config.realtime.cpus, len(all_injectors.injectors))
         processor, priority = own.of(bench.injector.file.number), bench.config.realtime.priority

@@ -66,8 +66,6 @@ class _Findings:
 
 @dataclass
 class _WatchedRole:
-    """One role: limits, and for how long it has kept a value."""
-
     role: Role
     limits: RoleRange
     step: float
@@ -84,8 +82,7 @@ class _WatchedRole:
             return False
         self.held = first
         self.constant += 1
-        # not in the first look: the line still swings when the needle has just shut
-        self.moved += others_move and self.constant > 1
+        self.moved += others_move and self.constant > 1  # not in the first look: the line still swings
         if self.role is Role.RAIL_PRESSURE:
             return self.constant >= RAIL_LOOKS and self.moved >= 3 and self.noise >= self.step
         return self.moved >= 1

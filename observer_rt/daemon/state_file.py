@@ -115,10 +115,7 @@ def _stated(section: BaseModel, dumped: Mapping[str, Any], name: str = "") -> di
 
 
 def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) -> None:
-    """Replace the file at `path` by knowledge for a model; whatever happens, the old or the new one is whole.
-
-    Raises `RunError` for what cannot be written, or not be restored; the old file is then unchanged.
-    """
+    """Replace the file by knowledge for a model, in one step. Raises `RunError`; the old file is then unchanged."""
     if problem := _problem_of(knowledge, model.scaling.pressure):
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
     arrays = ArrayTexts()
@@ -244,10 +241,7 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
 def restored_knowledge(
     path: Path | None, model: InjectorParameters, tell: Callable[[str], None], set_aside: bool = True
 ) -> Knowledge | None:
-    """Reads a state file's knowledge for this model, and reports what became of it; None without one.
-
-    A state learned from no event is no reason to trust the first results sooner: it counts as none.
-    """
+    """A state file's knowledge for this model, reported; None without a file, or where it learned from no event."""
     if path is None:
         return None
     outcome = load_knowledge(path, model, set_aside)

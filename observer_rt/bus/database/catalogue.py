@@ -18,8 +18,7 @@ from observer_rt.foundation.files import encoding_of
 
 _CACHED = 16  # databases
 _LENIENT = "or read it all the same: lenient = true in its [[dbc]]"
-# Messages of cantools: where it stopped, an attribute, or signals and message by name.
-_AT_LINE = re.compile(r"at line (\d+)")
+_AT_LINE = re.compile(r"at line (\d+)")  # Messages of cantools: where it stopped, an attribute, or signals, message.
 _OF_PYTHON = re.compile(
     r"object (has no|is not|does not|cannot)|positional argument|unsupported operand|invalid literal|"
     r"not enough values|too many values|could not convert|out of range|must be (str|int|real|a )|unexpected keyword"
@@ -77,10 +76,7 @@ class BenchDatabases:
         ]
 
     def find(self, location: str, name: str, link: str | None) -> BusMessage:
-        """The first message of this name; link: its bus, whose databases are looked through before the others.
-
-        Raises `UserError` at `location`, a key of the bench file, with what the database has instead.
-        """
+        """The first message of this name, on its bus `link` before others. Raises `UserError` at `location`."""
         bus, candidates = None, self._databases
         if link is not None:
             bus = self._config.bus_number(link)

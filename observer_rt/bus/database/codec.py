@@ -100,7 +100,6 @@ def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
 
 
 def _field_range(signal: Signal) -> tuple[float, float]:
-    """Lowest and highest raw value that the field holds."""
     if signal.conversion.is_float:
         return -_LARGEST_FLOAT[signal.length], _LARGEST_FLOAT[signal.length]
     if signal.is_signed:
@@ -110,8 +109,7 @@ def _field_range(signal: Signal) -> tuple[float, float]:
 
 def _declared_range(signal: Signal) -> tuple[float, float]:
     """Lowest and highest raw value that the database declares, infinite where it does not."""
-    # [0|0] means no range; cantools knows it, but not [0.0|0.0].
-    has_none = signal.minimum == signal.maximum == 0
+    has_none = signal.minimum == signal.maximum == 0  # [0|0] means no range; cantools knows it, but not [0.0|0.0].
     lowest = -math.inf if has_none or signal.minimum is None else signal.minimum
     highest = math.inf if has_none or signal.maximum is None else signal.maximum
     ends = [(limit - signal.offset) / signal.scale for limit in (lowest, highest)]
@@ -153,8 +151,7 @@ def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: st
     if not row["lowest"] <= value <= row["highest"]:
         return code  # clamping keeps every number away from it
     mask = int(row["mask"])
-    # At most the other reserved code stands between.
-    for distance in range(1, len(reserved) + 1):
+    for distance in range(1, len(reserved) + 1):  # At most the other reserved code stands between.
         for candidate in ((code - distance) & mask, (code + distance) & mask):
             raw = core.raw_value(candidate, row)
             wrapped_round = row["kind"] < core.FLOAT32 and abs(raw - value) > distance

@@ -1,7 +1,4 @@
-"""Multiplexed signals of a bus database: the conditions under which a frame carries them.
-
-A signal is in a frame where its selector has a listed value; selectors may be multiplexed themselves.
-"""
+"""Multiplexed signals of a database: in a frame where their selectors, perhaps multiplexed, have listed values."""
 
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple, TypeAlias
@@ -36,10 +33,7 @@ class Selection(NamedTuple):
 
 
 def conditions_of(message: Message, name: str) -> Conditions:
-    """Conditions under which a frame of `message` carries the signal `name`.
-
-    Raises `UserError`: the signal or a selector is not there, or selectors select each other.
-    """
+    """Conditions under which a frame carries a signal. Raises `UserError` for a missing or circular selector."""
     conditions: list[Condition] = []
     signal = find_signal(message, name)
     while (values := _multiplexer_ids(message, signal)) is not None:

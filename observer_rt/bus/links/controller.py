@@ -21,8 +21,7 @@ class ErrorClass(IntFlag):
     RESTARTED = 0x100
 
 
-# Byte 1 of a frame of class CONTROLLER.
-_RECEIVE_OVERRUN = 0x01
+_RECEIVE_OVERRUN = 0x01  # Byte 1 of a frame of class CONTROLLER.
 _STATES = (  # the worst first: one frame may name several
     (0x10 | 0x20, BusState.PASSIVE),  # by the receive or by the transmit counter
     (0x04 | 0x08, BusState.WARNING),

@@ -16,8 +16,7 @@ _OWN_INTERFACES = ("socketcan", "descriptor")  # served without python-can
 LISTENING = 0.5  # s; a windowed source pauses for about a tenth
 _TURN = 0.02  # s, of one bus among several
 RECONNECT_PERIOD = 0.1  # s between tries
-# Needs of python-can's drivers: the module to import and the package that has it; a vendor's library; Windows.
-_PACKAGES = {
+_PACKAGES = {  # Needs of python-can's drivers: module to import and its package; a vendor's library; Windows.
     "udp_multicast": ("msgpack", "msgpack"),
     **dict.fromkeys(("slcan", "serial", "robotell", "seeedstudio"), ("serial", "pyserial")),
     **{"gs_usb": ("usb", "gs_usb"), "neovi": ("ics", "python-ics")},

@@ -104,8 +104,7 @@ class PythonCanLink(Link):
 
     def receive(self, timeout_s: float) -> Frame | None:
         deadline = time.monotonic() + timeout_s
-        # Frames are chosen here, not by python-can: its recv(0) may report "none" for an unwanted frame.
-        while True:
+        while True:  # Frames are chosen here: python-can's recv(0) may report "none" for an unwanted frame.
             try:
                 message = self._bus.recv(max(0.0, deadline - time.monotonic()))
             except (can.CanError, OSError) as error:

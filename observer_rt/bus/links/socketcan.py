@@ -116,7 +116,6 @@ class SocketCanLink(link.Link):
         self._readable.register(self._socket, select.POLLIN)
 
     def _connect(self) -> None:
-        """Make the socket and the reader of its stamps."""
         try:
             self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         except OSError as error:
@@ -151,8 +150,7 @@ class SocketCanLink(link.Link):
         _, mtu = struct.unpack("16si12x", fcntl.ioctl(self._socket, _SIOCGIFMTU, request))
         if mtu < FD_MTU:
             name = self._channel
-            # down, too: an interface that was plugged in again may not be configured yet
-            raise link.LinkDownError(
+            raise link.LinkDownError(  # down, too: an interface that was plugged in again may not be configured yet
                 f"{name} cannot carry CAN FD frames: its mtu is {mtu}\n"
                 f"  remedy: sudo ip link set {name} down && sudo ip link set {name} mtu {FD_MTU} && "
                 f"sudo ip link set {name} up (hardware: with `fd on` and a `dbitrate`)"
@@ -232,7 +230,6 @@ class SocketCanLink(link.Link):
         return self._try_send(self._packed(frame_id, payload, is_extended, is_fd, BIT_RATE_SWITCH))
 
     def _packed(self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: int) -> bytes:
-        """The frame as the kernel takes it. Raises as `send` does."""
         if len(payload) > (FD_LENGTHS[-1] if is_fd else CLASSIC_LENGTH):
             raise ValueError(f"{len(payload)} bytes do not fit into one frame")
         identifier = frame_id | (socket.CAN_EFF_FLAG if is_extended else 0)

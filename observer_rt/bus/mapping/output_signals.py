@@ -10,10 +10,7 @@ from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM
 
 
 class SentQuantity(NamedTuple):
-    """Coding of a physical value that is sent, whose largest code means "not available".
-
-    si: what the database's unit is in SI; has_error: the code below that one means "error".
-    """
+    """Coding of a value sent: its largest code is "not available", the next, if has_error, "error"; si: of the unit."""
 
     scale: float
     offset: float

@@ -39,10 +39,7 @@ def map_timing(
     links: Sequence[LinkConfig],
     samples: Sequence[int],
 ) -> Structs:
-    """Rows TIMING, one for each message with its roles; `links` they come by, `samples` of every role in a frame.
-
-    Raises `UserError` naming bench file and key.
-    """
+    """Rows TIMING of messages by their links, roles and samples a frame. Raises `UserError` naming file and key."""
     rows = np.zeros(len(messages), frames.TIMING)
     leading = next(n for n, (_, roles) in enumerate(messages) if Role.LINE_PRESSURE in roles)
     for row, (message, roles), link, size in zip(rows, messages, links, samples, strict=True):
@@ -144,7 +141,6 @@ def time_on_bus(layout: MessageLayout, link: LinkConfig) -> float:
 
 
 def _steps(injector: BenchInjector, message: Message, roles: Sequence[Role]) -> int:
-    """Samples of the grid from one sample of the message to its next."""
     rate = injector.sample_rate
     location, stated = _common_value(injector, message, roles, "rate_hz")
     if stated is None:

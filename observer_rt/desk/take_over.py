@@ -106,8 +106,7 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
     with _locked_folder(path):
         bench_injector, done = load_bench(path).of(injector or None).injector, steps(path)
         own = [step for step in done if step.injector == injector]
-        # A step that was interrupted, or undone by hand.
-        while own and own[-1].after != bench_injector.config.model.file:
+        while own and own[-1].after != bench_injector.config.model.file:  # Interrupted, or undone by hand.
             own.pop()
         if not own:
             problem = f"names {bench_injector.parameters_path.name}, and no model was taken over to get there"

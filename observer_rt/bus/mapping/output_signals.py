@@ -10,7 +10,7 @@ from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM
 
 
 class SentQuantity(NamedTuple):
-    """Coding of a value sent: its largest code is "not available", the next, if has_error, "error"; si: of the unit."""
+    """Coding of a value sent, its largest code "not available"; has_error: the next is "error"; si: of the unit."""
 
     scale: float
     offset: float

@@ -23,8 +23,7 @@ from observer_rt.model.plausibility import implausible as beyond_physics
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     """Findings about files, buses, observers and machine, without checks that an error in a file prevents.
 
-    state: file with a learned state, instead of the bench file's, left as it is. Raises `UserError` for one state of
-    several injectors; each finding names its own.
+    state: instead of the bench file's. Raises `UserError` for one state of several injectors.
     """
     findings = bench_findings(bench, state)
     is_sound = not any(finding.error for finding in findings)

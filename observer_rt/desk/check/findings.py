@@ -22,8 +22,6 @@ _WIDEST = 100  # characters: to be read, and passed on
 
 
 class Level(StrEnum):
-    """Severity of a finding."""
-
     OK = "ok"
     WARNING = "warning"
     ERROR = "error"
@@ -92,7 +90,6 @@ def failed(topic: str, error: UserError, location: str = "") -> Finding:
 
 
 def as_table(findings: Sequence[Finding]) -> Table:
-    """Findings as a table for the terminal."""
     table = Table("topic", "", box=None, pad_edge=False)
     table.add_column("finding", max_width=_WIDEST)
     topic = ""
@@ -104,7 +101,6 @@ def as_table(findings: Sequence[Finding]) -> Table:
 
 
 def as_json_document(findings: Sequence[Finding]) -> dict[str, Any]:
-    """Findings as a document for `json.dumps`."""
     return {
         "schema": SCHEMA,
         "warnings": sum(finding.level is Level.WARNING for finding in findings),

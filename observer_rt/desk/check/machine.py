@@ -21,7 +21,6 @@ _VIRTUAL = "vcan"  # which the names of such interfaces begin with
 
 
 def machine_findings(bench: Bench) -> list[Finding]:
-    """Findings about the machine and the interfaces of a bench."""
     asked, swaps = bench.config.realtime, Path("/proc/swaps")
     findings = real_time_findings(
         rights(asked.priority),
@@ -56,7 +55,6 @@ def real_time_findings(granted: Rights, swap_in_use: bool, cores: int, loops: Pr
 
 @ruled("interface")
 def socketcan_findings() -> Iterator[Statement]:
-    """Whether the kernel knows CAN at all."""
     try:
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
     except OSError as error:

@@ -1,7 +1,6 @@
 """The injector that is demonstrated on: (19)-(23) as printed, solved by scipy, with a needle and a rail of its own.
 
-It shares no code with the model that observes it, to show more than that the model agrees with itself: sharp orifice
-laws, free steps, a needle that hits its stops hard, a rail that dips, recovers and ripples with the pump.
+It shares no code with the model that observes it: sharp orifice laws, hard stops, a rail that dips and ripples.
 """
 
 import math

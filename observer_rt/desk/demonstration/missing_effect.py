@@ -77,8 +77,6 @@ def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
 
 
 class LoopResult(NamedTuple):
-    """Result of a demonstration."""
-
     hidden: HiddenEffect
     injections: pd.DataFrame  # a row each: columns of the journal, `true` [mg], `error` [%], `amended`
     findings: dict[str, Any]  # findings.json

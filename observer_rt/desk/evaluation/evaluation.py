@@ -75,7 +75,6 @@ class Evaluation:
         return tuple(self.injections)
 
     def take_report(self, report: InjectionReport, samples: InjectionSamples) -> None:
-        """Take the report of an injection with its samples."""
         self.injections.append(injection_result(report, samples, self.sample_rate, self.has_rate, self._meter))
         if self._curves_of is not None:
             self.curves[report.number] = rate_curves(report, samples, self._curves_of, self.has_rate)
@@ -89,7 +88,6 @@ class Evaluation:
             self.injections[-1] = replace(last, measured_mass=measured.mass)
 
     def take_samples(self, passed: Trace) -> None:
-        """Append samples to the trace."""
         if self.writer is not None:
             self.writer.write(trace_arrays(passed))
         if self._traces is not None:

@@ -168,10 +168,9 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
 
 
 def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
-    """Draw curves of injections above, masses and wear of all injections below.
+    """Draw curves of injections above, masses and wear below; several recordings have a colour each.
 
-    One recording also shows uncertain events and learned laws; several have a colour each. reference: "true",
-    "measured".
+    One recording also shows uncertain events and learned laws. reference: "true", "measured".
     """
     numbers = sorted({number for picture in recordings for number in picture.curves})
     has_line = any(curve.line is not None for picture in recordings for curve in picture.curves.values())
@@ -281,8 +280,7 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
         axes.plot(time, rate / MM3_PER_MS, color=colour or ESTIMATED, lw=width, label=label)
     nominal = curve.nominal / MM3_PER_MS
     axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
-    # An interval that tells nothing is not to flatten the curves.
-    if curve.sigma is not None and colour is None:
+    if curve.sigma is not None and colour is None:  # An interval that tells nothing is not to flatten the curves.
         drawn = np.concatenate([line.get_ydata() for line in axes.lines])
         drawn = drawn[np.isfinite(drawn)]
         if drawn.size:

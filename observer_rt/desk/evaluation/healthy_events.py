@@ -1,7 +1,4 @@
-"""Runs the observer itself on recordings: the remainder that its x~ leaves of a healthy injector, laws it learns.
-
-The remainder of `fit` does not serve: its predictor smooths the rail pressure and reads the lift otherwise.
-"""
+"""The remainder that the observer's own x~, unlike the predictor of `fit`, leaves of a healthy injector; its laws."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

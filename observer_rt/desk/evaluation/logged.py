@@ -68,8 +68,7 @@ class LoggedSignals(SignalStream):
         for rows in self._rows(core, watch):
             rows_read += len(rows)
             indices = rows["index"].astype(np.int64)
-            # The index does not rise where the device was restarted.
-            for index in np.split(indices, np.flatnonzero(np.diff(indices) <= 0) + 1):
+            for index in np.split(indices, np.flatnonzero(np.diff(indices) <= 0) + 1):  # the device was restarted
                 if not index.size:
                     continue
                 first = int(index[0])
@@ -101,8 +100,7 @@ class LoggedSignals(SignalStream):
     def chunks(self) -> Iterator[Chunk]:
         number, first = 0, 0
         held = np.empty(0, np.dtype([]))
-        # with the outliers, which were sent
-        sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})
+        sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})  # outliers were sent
         core = Core(self._bench.with_sections(sampling=sampling).injector, self._bus, learning=False)
         for rows in self._rows(core):
             held = rows if not len(held) else np.concatenate((held, rows))

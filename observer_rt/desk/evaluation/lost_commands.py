@@ -1,7 +1,4 @@
-"""Injections without a command: where the line pressure shows one, the commands that explain it best, and its report.
-
-Each is searched with the model as learned until then, and explained as an event that teaches nothing.
-"""
+"""Injections without a command, shown by the line pressure: the commands that explain each best, and its report."""
 
 import math
 from collections.abc import Iterator
@@ -155,10 +152,7 @@ class LostCommands:
         self._counted = count
 
     def _falls(self, rows: Structs, opened: int) -> Iterator[tuple[int, int]]:
-        """First and last loud sample of falls of the line pressure with the needle long shut.
-
-        opened: number of the last sample with an open needle before the first of `rows`.
-        """
+        """First and last loud sample of falls of the line pressure; opened: last sample of an open needle before."""
         observer = self.core.compiled.observer
         gap, scale = observer.constants.timing.event_gap, observer.constants.coefficients.pressure_scale
         numbers = np.arange(len(rows))

@@ -87,10 +87,7 @@ class HistorySamples:
         self._append(samples)
 
     def note(self, observer: Observer, position: int, index: Ints, nominal: Floats) -> None:
-        """Take the observer's results for samples, the first at a position of its stream.
-
-        index (n,): those they were sent with; nominal [m3/s] (n,): rate of the nominal model.
-        """
+        """Take the observer's results from a position on; index (n,): as sent; nominal (n,): of the model [m3/s]."""
         for run, first, part in self._by_run(index):
             if run.position is None:
                 run.position = position + first
@@ -109,7 +106,6 @@ class HistorySamples:
             self._note(observer, (position + first + inside) % RING, places, nominal[first + inside])
 
     def _note(self, observer: Observer, rows: Ints, places: Ints, nominal: Floats) -> None:
-        """Copy rows (k,) of the observer's ring to the places (k,) of their samples."""
         ring, trace = observer.ring, self.held
         trace.line_pressure[places] = np.where(ring["interpolated"][rows], np.nan, ring["line_pressure"][rows])
         trace.nominal_rate[places] = nominal
@@ -198,7 +194,6 @@ class HistorySamples:
             self._handed_over = stop
 
     def _append(self, samples: Trace) -> None:
-        """Append samples to the memory, in which room is made seldom."""
         held = self._memory[self._held]
         if self._held.stop + samples.size > len(self._memory):
             if 2 * (len(held) + samples.size) > len(self._memory):

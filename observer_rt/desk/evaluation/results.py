@@ -54,8 +54,6 @@ _CHANGED = (
 
 @dataclass(frozen=True)
 class Check:
-    """A standstill check."""
-
     id: str
     value: float
     unit: str

@@ -66,11 +66,9 @@ class Dataset:
             self._rows.mkdir(exist_ok=True)
 
     def is_done(self, sha256: str) -> bool:
-        """Whether the rows of a file with this content are there."""
         return self._file(sha256).exists()
 
     def take(self, sha256: str, rows: pa.Table) -> None:
-        """Write the rows of one file."""
         with file_errors(self.folder), replacing(self._file(sha256)) as part:
             pq.write_table(rows, part)
         self.injections += rows.num_rows
@@ -132,7 +130,6 @@ class EvaluatedFiles:
 
     @property
     def count(self) -> int:
-        """Number of files that are through."""
         return self.done + self.skipped + len(self.failed)
 
 
@@ -158,8 +155,6 @@ def evaluate_all(
 
 
 class _Jobs:
-    """Files at the workers, only as many as keep them busy."""
-
     def __init__(self, client: Any, task: Task, dataset: Dataset) -> None:
         self._client, self._task, self._dataset = client, task, dataset
         self._begun: set[str] = set()

@@ -40,8 +40,6 @@ _ROWS = 1024
 
 @dataclass(frozen=True)
 class Task:
-    """Settings shared by all files."""
-
     bench: Bench
     folder: Path  # where relative paths begin
     knowledge: Knowledge | None = None  # learned before, to start each file with

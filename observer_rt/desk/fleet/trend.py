@@ -119,8 +119,6 @@ class Course(NamedTuple):
 
 
 class InjectorTrend(NamedTuple):
-    """An injector's wear by indicator."""
-
     injector: str
     recordings: int  # all of them
     injections: int
@@ -200,7 +198,6 @@ def _date_json(trend: InjectorTrend, limit: Limit) -> dict[str, Any]:
 
 
 def table_of(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> Table:
-    """Table for the terminal, a row for each injector."""
     changes = [text for name in QUANTITIES for text in (f"{name}, %", "a month, %")]
     headings = ["injector", "recordings", *changes, "last valid", *map(str, limits)]
     rows = [list(_cells(said)) for said in as_json(trends, limits)]

@@ -1,4 +1,4 @@
-"""Injections beside the points of a map, such as a test plan: mass and tolerance at each point, inside or outside.
+"""Injections beside the points of a map, such as a test plan: mass, tolerance, inside or outside.
 
 An injection belongs to the nearest point within `NEAR`; the model carries its mass there by a ratio.
 """

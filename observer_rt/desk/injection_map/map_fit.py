@@ -1,7 +1,6 @@
 """Fit of nozzle, back pressure and needle to a map of masses, by the package's own simulation of every point.
 
-A mass depends on the needle's delays by their difference at its rail pressure, on nozzle and back pressure together:
-what the map does not determine stays near the file's number, with an interval that says so.
+Numbers that the map does not determine stay near the file's, with intervals that say so.
 """
 
 import math

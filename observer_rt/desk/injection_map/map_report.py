@@ -20,7 +20,6 @@ CURVE_POINTS = 24  # durations at which a figure's curves are simulated
 
 
 def print_map_fit(document: MapDocument, console: Console) -> None:
-    """Numbers, points and verdict."""
     say(console, "parameters")
     console.print(parameter_table(document.parameters))
     if document.undetermined:

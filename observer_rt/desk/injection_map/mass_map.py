@@ -59,10 +59,7 @@ class MassMap:
 
 
 def read_map(path: Path, density: float, fewest: int = 1) -> MassMap:
-    """Reads a map of so many points at least; density: of the fuel [kg/m3], for volumes.
-
-    Raises `UserError` naming the line, for columns or units that are not certain, and for numbers out of range.
-    """
+    """A map of `fewest` points or more; density [kg/m3]: for volumes. Raises `UserError` naming the line."""
     with file_errors(path):
         dialect = dialect_of(path, None, fewest=len(NEEDED), remedy=_EXAMPLE)
         columns = _columns(f"{path}, line {dialect.heading}", dialect)

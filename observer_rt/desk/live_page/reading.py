@@ -41,7 +41,6 @@ class DaemonReader:
     """Reads the daemon of one injector; any thread may ask for what was read."""
 
     def __init__(self, alone: Bench) -> None:
-        """alone: the bench with this injector only."""
         injector = alone.injector
         self.name = injector.name
         self._places = socket_places(injector)
@@ -61,7 +60,6 @@ class DaemonReader:
         self._thread.start()
 
     def close(self) -> None:
-        """Read no longer."""
         self._stop.set()
         if (daemon := self._daemon) is not None:
             with suppress(OSError):

@@ -80,10 +80,7 @@ class Saver:
 
 
 def save_injection(shown: ShownInjection, folder: Path, name: str) -> Path:
-    """Write `injection_[NAME_]NUMBER[_AGAIN].csv`, a new file whose path is returned, and `.json` beside it.
-
-    name: of the injector, empty for the only one. Raises `ObserverError` when they cannot be written.
-    """
+    """Write the new `injection_[NAME_]NUMBER[_AGAIN].csv`, returned, and `.json`. Raises `ObserverError`."""
     stem = f"injection_{f'{name}_' if name else ''}{shown.values['number']}"
     path, again = folder / f"{stem}.csv", 1
     while path.exists() or path.with_suffix(".json").exists():  # numbers begin anew with each daemon
@@ -246,10 +243,7 @@ class _Channel(_GuardedHandler, WebSocketHandler):
 
 
 def serve_page(bench: Bench, address: str, port: int, folder: Path, console: Console) -> None:
-    """Read the daemons of a bench and serve their page until SIGINT or SIGTERM; port 0 is one that is free.
-
-    folder: of `Save`. Raises `RunError` for a taken port.
-    """
+    """Serve the page of a bench until SIGINT or SIGTERM; port 0 is a free one. Raises `RunError` for a taken port."""
     watching, saver = Watching(bench), Saver(folder)
     handlers = [
         ("/drawings", _Channel, {"watching": watching, "saver": saver}),

@@ -70,10 +70,9 @@ def run_plant(
     progress: Progress | None = None,
     bounce: float = 0.0,
 ) -> Truth:
-    """Integrate the injector from rest over an even `time` [s], shape (n,), n >= 2; bounce [m]: lift after landing.
+    """Integrate from rest over an even `time` [s] (n,), n >= 2; bounce [m]: lift after landing.
 
-    `rail_pressure` [Pa] (n,) is linear between samples; the lift is exact at every stage. Steps are an integer number
-    per sample, of at most 1 us (2 us on a line of cells).
+    `rail_pressure` [Pa] (n,) is linear between samples; steps are of at most 1 us (2 us on a line of cells).
     """
     longest_step, model = _longest_step(model)
     c = model.coefficients

@@ -1,7 +1,6 @@
 """Schedules of injections: events of shots, the rail pressure, and how the needle lifts upon energizing.
 
-It lifts late, at speeds that grow with rail pressure, in short shots ballistically. A stroke is piecewise linear,
-with corners rounded by the mean over a window of `CORNER_ROUNDING`, in closed form.
+A stroke is piecewise linear, with corners rounded by the mean over `CORNER_ROUNDING`, in closed form.
 """
 
 import math
@@ -67,10 +66,7 @@ class Schedule:
     duration: float
 
     def rail_pressure(self, time: Floats) -> Floats:
-        """Rail pressure [Pa] at `time` [s], shape (n,).
-
-        Constant in an event; it changes in the middle half of a gap, so smoothly that the line stays at rest.
-        """
+        """Rail pressure [Pa] at `time` [s] (n,), smooth in the middle half of a gap: the line stays at rest."""
         pressure = np.full(time.shape, self.events[0].rail_pressure)
         for before, after in pairwise(self.events):
             change = after.rail_pressure - before.rail_pressure

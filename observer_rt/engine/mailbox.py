@@ -12,10 +12,8 @@ from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.mass import EVERYWHERE, KnownFlow
 from observer_rt.engine.stream.state import Observer, Reason
 
-# s, after which the flow of a pilot valve is known, beside the time by which it is ahead of the lift.
-KNOWN_AFTER = 0.25e-3
-# s, after which a command, which may come later than its samples, is known at the latest.
-COMMAND_AFTER = 1e-3
+KNOWN_AFTER = 0.25e-3  # s, after which the flow of a pilot valve is known, beside its lead over the lift.
+COMMAND_AFTER = 1e-3  # s, after which a command, which may come later than its samples, is known at the latest.
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:

@@ -28,8 +28,7 @@ SHAPE = 20.0  # highest value over the mean step from sample to sample, beyond w
 SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
 FURTHER = 0.03  # of the mean, by which no rail pressure goes beyond the line's at both ends
 RESTS_OPEN = 0.7  # mean lift over the highest, beyond which a lift is inverted: no needle is open most of the time
-# Factors on the values that are in a unit although MPa was stated.
-_PRESSURE_FACTORS = (
+_PRESSURE_FACTORS = (  # Factors on the values that are in a unit although MPa was stated.
     (1e-6, "Pa"),
     (1e-3, "kPa"),
     (0.1, "bar"),

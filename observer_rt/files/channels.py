@@ -47,10 +47,7 @@ def chosen_channels(
 
 
 class InputFrames:
-    """Frames of the bench's input messages in a log, with their buses; may be iterated again and again.
-
-    Iterating raises `UserError` for a malformed log, a bus without frames, and a message of several channels.
-    """
+    """Frames of the bench's inputs in a log, with their buses, any number of times. Iterating raises `UserError`."""
 
     def __init__(self, path: Path, bus_map: BusMap, channels: Mapping[int, str | None]) -> None:
         """channels: of the log, by bus, as by `chosen_channels`."""

@@ -60,7 +60,6 @@ LOGS = (CANDUMP, BLF, ASC, TRC, MDF4_LOG, CSV_LOG)
 
 
 def suffixes_of(kinds: Iterable[Format]) -> tuple[str, ...]:
-    """The suffixes of some formats, each once."""
     return tuple(dict.fromkeys(kind.suffix for kind in kinds))
 
 
@@ -156,10 +155,7 @@ def read_recording(path: Path, injector: BenchInjector | None = None) -> Recordi
 
 
 def write_recording(path: Path, recording: Recording) -> None:
-    """Write a recording, replacing an existing file once it is complete.
-
-    Raises `UserError` for an unknown suffix or a path that cannot be written, `RunError` when writing fails.
-    """
+    """Write a recording in one step. Raises `UserError` for suffix or path, `RunError` when writing fails."""
     _check_suffix(path, SIGNALS_WRITTEN)
     with file_errors(path), replacing(path) as part, recording_writer(part, recording.recorded) as write:
         write(recording)

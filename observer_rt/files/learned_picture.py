@@ -67,7 +67,6 @@ def _rows(laws: Sequence[LearnedLaw]) -> int:
 
 
 def learned_figure(laws: Sequence[LearnedLaw]) -> str:
-    """SVG of the laws alone."""
     with svg_figure(10.4, height_of(laws)) as (figure, svg):
         draw_learned(figure.add_gridspec(1, 1)[0], laws)
     return svg()

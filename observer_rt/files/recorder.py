@@ -43,7 +43,6 @@ class EnduringReading:
 
     @property
     def outages(self) -> int:
-        """Number of times an interface went down or away."""
         return sum(self._outages)
 
     @property
@@ -91,10 +90,7 @@ class EnduringReading:
 
 @dataclass
 class RecordStatistics:
-    """What was recorded so far: frames, frames lost before, time [s], files.
-
-    outages: how often the interface went down or away; what came meanwhile nobody counts.
-    """
+    """What was recorded so far: frames, frames lost before, time [s], files; what an outage lost nobody counts."""
 
     frames: int = 0
     lost: int = 0
@@ -103,14 +99,12 @@ class RecordStatistics:
     files: list[Path] = field(default_factory=list)
 
     def as_text(self) -> str:
-        """Summary for the screen in one line."""
         rate = self.frames / self.duration if self.duration else 0.0
         names = ", ".join(str(path) for path in self.files) or "no file, for no frame came in"
         away = f", interface away {self.outages} times" if self.outages else ""
         return f"{self.frames} frames in {self.duration:.1f} s ({rate:.0f} a second), {self.lost} lost{away}; {names}"
 
     def as_json(self) -> dict[str, Any]:
-        """Statistics for a program."""
         return {
             "frames": self.frames,
             "lost_frames": self.lost,

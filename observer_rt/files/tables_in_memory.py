@@ -22,10 +22,7 @@ _WITH_THOUSANDS = r"[+-]?\d{1,3}(?:[.,]\d{3})*"  # `999` and `1.002` in one colu
 
 
 def _in_arrow(table: Any, name: str) -> Any:
-    """A DataFrame, with its index as first column of times, or arrays by name as a table of Arrow; else `UserError`.
-
-    Units in names, as `p_Rail [bar]`, in a second row of names or in `attrs["unit"]` become metadata.
-    """
+    """A DataFrame, its index as first column of times, or arrays by name as a table of Arrow; else `UserError`."""
     import pyarrow
 
     if not isinstance(table, Mapping | pd.DataFrame):

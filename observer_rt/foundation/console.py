@@ -38,10 +38,7 @@ def plain_table(
     gap: int = 2,
     title: str | None = None,
 ) -> Table:
-    """A table without lines. right: columns of numbers; folds: columns that a narrow terminal breaks, None: all.
-
-    gap: blanks between two columns.
-    """
+    """A table without lines; right: columns of numbers; folds: columns to break, None: all; gap: blanks between."""
     table = Table(box=None, padding=(0, gap, 0, 0), pad_edge=False, title=title, title_justify="left")
     for column, heading in enumerate(headings):
         side: Literal["left", "right"] = "right" if column in right else "left"

@@ -80,10 +80,7 @@ def write_text(target: Path, text: str) -> None:
 
 
 def begin_stream(path: Path, force: bool) -> None:
-    """Make the empty file of a stream, which grows while it is recorded, and which no rename can complete.
-
-    force: an earlier file is emptied. Raises `RunError` for a file that came meanwhile.
-    """
+    """Make the empty file of a growing stream; force: empty an earlier one. Raises `RunError` for another."""
     with file_errors(path):
         path.open("w" if force else "x").close()
 

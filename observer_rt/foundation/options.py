@@ -11,10 +11,7 @@ from typing import Annotated
 
 @dataclass(frozen=True)
 class Option:
-    """Declares a parameter as an option. metavar: what its value is called, by default after its type.
-
-    A default that `purpose` says in words, as `(default: ...`, is not shown again.
-    """
+    """Declares a parameter as an option; metavar: its value's name. A default that `purpose` says is shown once."""
 
     purpose: str
     metavar: str | None = None

@@ -43,10 +43,7 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(hint: Any, value: Any, like: Any = None, location: str = "") -> Any:
-    """Convert a value that `to_plain` gave back to its type, `hint`. Raises `NotAsExpectedError`.
-
-    like: a value whose arrays have the expected shapes; None accepts any shape. location: of the value in the file.
-    """
+    """Convert a value of `to_plain` back to `hint`, shaped `like` another if given. Raises `NotAsExpectedError`."""
     if NoneType in get_args(hint):
         hint = next(each for each in get_args(hint) if each is not NoneType)
         if value is None:

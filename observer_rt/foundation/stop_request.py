@@ -16,10 +16,7 @@ class SignalledEvent(threading.Event):
 
 
 class StopRequest(SignalledEvent):
-    """Set by the first signal that ends a command; the next one interrupts it.
-
-    reload: set by a signal that asks to read files again.
-    """
+    """Set by the first signal that ends a command, which the next interrupts; reload: a signal asks to read again."""
 
     def __init__(self) -> None:
         super().__init__()

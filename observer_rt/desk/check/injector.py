@@ -151,10 +151,7 @@ def _is_of_the_user(layout: MessageLayout, messages: Sequence[KnownMessage]) -> 
 def _periods(
     layout: MessageLayout, samples: int, frames: int, expected: float, refusing: BenchInjector | None = None
 ) -> Iterator[Statement]:
-    """Compare the time between samples [ns] in the database with `expected`, that of the bench file.
-
-    samples: of every role that `frames` frames together carry; refusing: injector for an error, None: for a warning.
-    """
+    """Compare times between samples [ns] with `expected`, the bench file's; refusing: injector for an error."""
     period = layout.sample_period_ns
     if period is not None and abs(period - expected) > PERIOD_TOLERANCE:
         problem = f"{layout.name} states a sample period of {period} ns in the bus database"

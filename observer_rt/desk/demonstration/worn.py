@@ -89,10 +89,7 @@ class Demo:
         self._reports: list[InjectionReport] = []
 
     def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:
-        """Replay at `speed` (1: real time); `show` draws the view until its event is set, None: nobody looks.
-
-        Raises `RunError` when the bus fails, `KeyboardInterrupt` when stopped by a signal.
-        """
+        """Replay at `speed` (1: real time), drawn by `show`. Raises `RunError`, by a signal `KeyboardInterrupt`."""
         bus = map_bus(self.bench)
         ends = self.link.interface, self.link.channel, self.link.fd
         on = f"{self.link.interface} {self.link.channel}"

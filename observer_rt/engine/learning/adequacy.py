@@ -24,8 +24,7 @@ SIGNIFICANT = 4.5
 RELEVANT_COLOUR = 1.6
 RELEVANT_VARIANCE = 1.15  # where the needle moves
 RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that has grown, no model
-# colour beyond which an event's information counts for less, and how significant it must be
-TEMPER_ABOVE = 1.6
+TEMPER_ABOVE = 1.6  # colour beyond which an event's information counts for less, and how significant it must be
 TEMPER_SIGNIFICANT = 2.5
 _TEMPERS_ABOVE = np.array([RELEVANT_VARIANCE, TEMPER_ABOVE, TEMPER_ABOVE])  # blocks have two lengths
 POOLING = 0.85  # weight of the statistics before this event

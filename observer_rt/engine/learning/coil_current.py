@@ -25,8 +25,7 @@ from observer_rt.model.effective import LAG_UNIT
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
-# s that do not count: a lift that is recorded late lets the line pressure fall in them.
-BEFORE_OPENING = 0.06e-3
+BEFORE_OPENING = 0.06e-3  # s that do not count: a lift that is recorded late lets the line pressure fall in them.
 EDGE_CLIP = 3.0  # standard deviations for which an innovation counts at most: one event alone is an outlier
 SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
 FEWEST = 2  # samples of SEEN_FOR at a low sample rate
@@ -161,7 +160,6 @@ class CoilPulse:
     until: int
 
     def taken_out(self, window: Window) -> Window:
-        """Window without the pulse."""
         output = window.output.copy()
         is_open = np.concatenate(([False], window.inputs[:, 1] > 0.0, [False]))
         edges = np.flatnonzero(np.diff(is_open))

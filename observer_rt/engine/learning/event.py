@@ -219,7 +219,6 @@ class EventReading:
 
     @property
     def window(self) -> Window:
-        """Samples of the event."""
         return self.cost.window
 
     @cached_property

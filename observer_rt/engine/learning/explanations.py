@@ -68,7 +68,6 @@ class Explanation:
 
     @property
     def is_good(self) -> bool:
-        """Whether the event can be learned from."""
         return self.kind.mode.is_good
 
     @cached_property
@@ -84,7 +83,6 @@ class Explanation:
         return self.reading.first.score(self.held.prior.covariance)
 
     def fitted(self, reader: EventReader) -> "Explanation":
-        """This explanation with theta fitted."""
         if self.fit is not None:
             return self
         likeliest = self.scales.of(self.held.prior)

@@ -156,11 +156,9 @@ class LearningState:
 
     @property
     def learned(self) -> LearnedInjector:
-        """The belief about injector and noise."""
         return self.account.learned
 
     def map(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "LearningState":
-        """State after a change of the belief."""
         return replace(self, account=replace(self.account, learned=change(self.learned)))
 
     def begun(self, interval: float, overdispersion: float) -> "LearningState":
@@ -184,8 +182,6 @@ def no_state(noise: NoiseLevels, pressure_scale: float) -> LearningState:
 
 
 class Adoption(StrEnum):
-    """Result of learning from an event."""
-
     ADOPTED = "adopted"
     REJECTED = "rejected"  # what was in force stays
     FAILED = "failed"  # singular information, or no finite cost
@@ -226,8 +222,6 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class EventRecord:
-    """An event that was judged."""
-
     event: np.void  # `stream.state.EVENT`
     objections: tuple[Objection, ...]  # what speaks against it
     outcome: Outcome | None  # what was learned from it; None: nothing

@@ -22,8 +22,7 @@ from observer_rt.model.network import OF_NOZZLE, activations
 
 # Error of the rate (one sigma) as a share of its change over a sample: inputs are no straight lines at edges.
 HOLD_SHARE = 0.06
-# s (one sigma): uncertainty of the time at which two injections part, at the least flow between them.
-PARTING = 20e-6
+PARTING = 20e-6  # s (one sigma): uncertainty of the time at which two injections part, at the least flow between.
 FAR_FLOW = 0.02  # change of a flow, beyond which a volume is not followed along its slope; P
 OWN_SHARE = 0.005  # of a mass, within which hypotheses agree whatever their interval; M
 LEAD_SAMPLES = 15  # samples before the opening
@@ -238,8 +237,6 @@ def _part(window: Window) -> slice:
 
 
 class EventPoint(NamedTuple):
-    """Operating point of an event."""
-
     rail_pressure: float  # at the opening [p_0]
     log_open_time: float  # ln of the time [s] the needle is up, until it falls, in the longest opening
     area: float  # widest
@@ -334,8 +331,7 @@ def known_flow(
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.log_open_time)
     states = np.array([pressures, np.zeros_like(pressures), FULL * pressures])
     change, slopes = nozzle_change(theta, states, (pressures, point.area), middle)
-    # the last row is at the event's rail pressure
-    by_nozzle = slopes / np.maximum(1.0 + change, _LEAST_FLOW)[:, None]
+    by_nozzle = slopes / np.maximum(1.0 + change, _LEAST_FLOW)[:, None]  # the last row is at the event's rail
     injected, full = float(event.run.rate.sum()), by_nozzle[-1]
     if not (injected > 0.0 and full[_NOZZLE] > 0.0):
         return NOWHERE

@@ -153,8 +153,7 @@ def is_same(first: Colour | None, second: Colour | None) -> bool:
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
     """Slices from `first` on, at least `shortest` long, with the needle long shut; masked samples end them."""
-    # No sample rests before the first one, nor after the last.
-    resting = np.zeros(window.resting.size + 2, np.bool_)
+    resting = np.zeros(window.resting.size + 2, np.bool_)  # no sample rests before the first, nor after the last
     resting[1 + first : -1] = window.resting[first:]
     resting[1:-1][mask_of(window)] = False
     changes = np.flatnonzero(resting[1:] != resting[:-1]).tolist()

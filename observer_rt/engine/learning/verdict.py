@@ -32,10 +32,8 @@ WRONG, SURELY = 0.03, 3.0  # of a mass, which the published one is not off by at
 UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.CONTRADICTED)
 # s, of the lift against the pressures, late or early, that x^ may do without: 1 % of a mass, some tenths of it.
 LATEST_LIFT, EARLIEST_LIFT = 6e-6, -25e-6
-# Between rail and line at rest: another unit, or no sensor; nothing to be learned.
-IMPLAUSIBLE = 15 * MEGAPASCAL
-# Of the rail pressure in an event, and more than the line's by this factor.
-SWINGS, SWAPPED = 2 * MEGAPASCAL, 3.0
+IMPLAUSIBLE = 15 * MEGAPASCAL  # Between rail and line at rest: another unit, or no sensor; nothing to be learned.
+SWINGS, SWAPPED = 2 * MEGAPASCAL, 3.0  # Of the rail pressure in an event, and more than the line's by this factor.
 _ENDS = (0.01, 0.99)  # of the samples of an event, that are no outliers
 
 

@@ -28,7 +28,6 @@ class Estimate:
 
     @property
     def ci95(self) -> tuple[float, float] | None:
-        """95 % interval."""
         if self.sigma is None:
             return None
         return self.value - Z_95 * self.sigma, self.value + Z_95 * self.sigma

@@ -120,8 +120,6 @@ def learned_laws(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedLaw, ...
 
 
 class _Axis(NamedTuple):
-    """An input of the network."""
-
     variable: str
     unit: float  # of the network's units, in those of the variable
     origin: float  # 0 of the network, in the units of the variable

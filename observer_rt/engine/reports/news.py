@@ -22,7 +22,6 @@ class MeasuredMass:
         return self.report.mass / self.mass - 1.0
 
     def as_text(self) -> str:
-        """One line."""
         estimate = "unknown"
         if not math.isnan(self.report.mass):
             estimate = f"{self.report.mass / MILLIGRAM:.2f} mg ({100 * self.error:+.2f} %)"
@@ -38,7 +37,6 @@ class MissingInjection:
     window: float  # s
 
     def as_text(self) -> str:
-        """One line."""
         return (
             f"injection missing: the needle did not open within {self.window / MILLISECOND:g} ms of command "
             f"{self.command} at index {self.index}"

@@ -214,7 +214,6 @@ class EnergizingWatch:
 
     @property
     def figures(self) -> EnergizingFigures:
-        """Counts and delays so far."""
         delays = list(self._delays)  # asked for from another thread, too
         mean, sigma = (float(np.mean(delays)), float(np.std(delays))) if delays else (math.nan, math.nan)
         return EnergizingFigures(self._commands, self._missing, mean, sigma)

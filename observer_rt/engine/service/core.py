@@ -196,10 +196,7 @@ class Core:
         return int(self.compiled.observer.memory[0]["positions"]["processed"])
 
     def rows(self, start: int, end: int) -> Structs:
-        """Processed samples (n,) at positions [start, end) as a copy, dtype `stream.state.sample_dtype`.
-
-        Only the last `RING` samples are remembered.
-        """
+        """Copies of samples at positions [start, end) of the last `RING`, dtype `stream.state.sample_dtype`."""
         return samples_at(self.compiled.observer, max(start, end - RING), end)
 
     def inputs(self, first: int, most: int) -> dict[Role, Floats]:
@@ -286,7 +283,6 @@ class Core:
 
     @property
     def counters(self) -> messages.Counters:
-        """Counts since the start."""
         return messages.counted(self.parts)
 
     @property
@@ -345,7 +341,6 @@ class Core:
 
     @property
     def coefficients(self) -> Coefficients:
-        """Coefficients of the model in force."""
         return self.compiled.observer.constants.coefficients
 
 

@@ -94,7 +94,6 @@ def _require_integrable(injector: BenchInjector, parameters: InjectorParameters,
 
 
 def make_learner(injector: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
-    """The learner of an injector."""
     return Learner(constants, knowledge, healthy=healthy_injector(injector))
 
 

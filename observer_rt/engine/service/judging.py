@@ -24,8 +24,6 @@ from observer_rt.engine.stream.validity import until_learned
 
 @dataclass(eq=False)
 class _PendingEvent:
-    """Closed event that waits to be judged."""
-
     number: int  # in the order in which they closed, from 0
     constants: Constants
     window: Window | None
@@ -256,8 +254,7 @@ class Judging:
         elif closed.earlier is not None:
             self._late = closed.earlier
         if outcome is None and closed.learning is not None:
-            # it was taken before what is learned from it was known, or just before that was posted
-            self.late += 1
+            self.late += 1  # it was taken before what is learned from it was known, or just before that was posted
             if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
         is_late = closed.standstill is not None and outcome is None

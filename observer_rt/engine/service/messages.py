@@ -130,8 +130,6 @@ class CompiledPipeline(core.FramePath):
 
 
 class OutputFrame(NamedTuple):
-    """A frame to be sent."""
-
     frame_id: int
     is_extended: bool
     is_fd: bool
@@ -141,7 +139,6 @@ class OutputFrame(NamedTuple):
 
 
 def output_frame(layout: MessageLayout, payload: bytes) -> OutputFrame:
-    """A frame of a message."""
     return OutputFrame(layout.frame_id, layout.is_extended, layout.is_fd, payload, layout.bus)
 
 
@@ -283,5 +280,4 @@ _SOURCES = {
 
 
 def counted(parts: Mapping[str, Any]) -> Counters:
-    """Counts of all parts."""
     return Counters(**{name: value_of(source, parts) or 0 for name, source in _SOURCES.items()})

@@ -1,7 +1,4 @@
-"""Noise of an injector's signals: as the bench file states it, its slow part at rest, and both in words.
-
-scipy.signal is imported late, for it takes long and the daemon's start needs none of it.
-"""
+"""Noise of an injector's signals: stated, slow at rest, in words. scipy.signal takes long: it is imported late."""
 
 import cmath
 import math

@@ -105,7 +105,6 @@ class OptionalInputs:
         return None if self._watch is None else self._watch.opening_of(injection)
 
     def on_injection(self, report: InjectionReport) -> None:
-        """Take an injection that was just reported."""
         self._masses.on_injection(report)
 
     @property
@@ -145,7 +144,6 @@ class _MassComparison:
             self._waiting.append((closed, mass))
 
     def on_injection(self, report: InjectionReport) -> None:
-        """Take a reported injection."""
         self._report = report
         while self._waiting and self._waiting[0][0] <= report.number:
             number, mass = self._waiting.popleft()

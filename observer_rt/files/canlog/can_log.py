@@ -143,10 +143,7 @@ class LogReader(ABC):
 
 
 class LogWriter(AbstractContextManager["LogWriter"]):
-    """A log being written; a context manager completes it. What was flushed can be read whatever happens afterwards.
-
-    Raises `OSError` when writing fails.
-    """
+    """A log being written; a context manager completes it; flushed parts stay readable. Raises `OSError`."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
         """start_ns: no frame is older; a format that counts time from a start begins there, or shortly before."""

@@ -93,7 +93,6 @@ class Span(NamedTuple):
 
 
 def all_samples(recording: Recording) -> list[Span]:
-    """The recording in one span."""
     return [Span(0, recording.samples)]
 
 
@@ -138,8 +137,7 @@ class Framer:
         block = block_samples(self._bus)
         self.next_index = -(-(before + samples) // block) * block
         for number in range(len(self._counters)):
-            # Their counters go on with time.
-            if timing_row(self._bus, number)["numbering"] != Numbering.INDEX:
+            if timing_row(self._bus, number)["numbering"] != Numbering.INDEX:  # Their counters go on with time.
                 passed = (self.next_index - before) // grid_samples(self._bus, number)
                 self._counters[number] += passed
 
@@ -192,7 +190,6 @@ class FramedRecording(NamedTuple):
     data: NDArray[np.uint8]
 
     def payloads(self) -> Iterator[bytes]:
-        """Frame by frame."""
         data = self.data.tobytes()
         return (data[first:end] for first, end in pairwise(self.starts.tolist()))
 

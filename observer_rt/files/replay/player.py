@@ -35,8 +35,6 @@ PROGRESS_PERIOD = 100_000_000  # ns
 
 
 class Sent(NamedTuple):
-    """A kind of frames that is sent on a bus."""
-
     bus: int
     identifier: int
     is_extended: bool
@@ -165,7 +163,6 @@ class PlayStatistics(NamedTuple):
     paused: float = 0.0
 
     def as_text(self) -> str:
-        """Summary for the screen in one line."""
         sent = f"{self.frames} frames in {self.duration:.3f} s"
         if self.paused:
             sent += f", {self.paused:.1f} s of which without the interface"

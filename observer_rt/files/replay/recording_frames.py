@@ -78,8 +78,7 @@ class Device:
         self.block = framing.block_samples(bus)
         """Number of samples that fill frames of every message."""
         self._layouts = bus.input_layouts
-        # of the input messages
-        self._keys = np.array([layout.key for layout in self._layouts], np.int64)
+        self._keys = np.array([layout.key for layout in self._layouts], np.int64)  # of the input messages
         delays = [float(timing_row(bus, n)["delay"]) for n in range(len(self._layouts))]
         self._delays = np.rint(np.array(delays) * NANOSECONDS).astype(np.int64)
         self._start = 0  # ns, of the stretch
@@ -115,7 +114,6 @@ class Device:
                 yield BusFrame(layout.bus, frame)
 
     def blocks(self, chunk: Chunk) -> Iterator[FrameBlock]:
-        """Frames of a chunk in arrays."""
         for framed, stamps in self._stamped(chunk):
             yield FrameBlock(self._keys[framed.numbers], stamps, framed.starts, framed.data)
 

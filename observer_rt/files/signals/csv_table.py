@@ -228,8 +228,7 @@ class CsvTable(FileTable):
             file.seek(max(0, self.path.stat().st_size - _TAIL))
             tail = file.read()
         has_zeros = tail.endswith(b"\0\0")  # more than of a character of UTF-16
-        # without those of UTF-16, and what Windows ends a file with
-        tail = tail.replace(b"\0", b"").rstrip(b" \t\x1a")
+        tail = tail.replace(b"\0", b"").rstrip(b" \t\x1a")  # without those of UTF-16, and Windows' own end
         last = tail.decode("ascii", "replace").rpartition("\n")[2]
         return has_zeros, not last.endswith("\r") and bool(self._cells([last]))
 

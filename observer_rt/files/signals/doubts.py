@@ -55,8 +55,7 @@ def doubts(
         named = f": '{second}' does what a rail's does, '{first}' what a line's does" if first and second else ""
         yield SignalDoubt(problem + named, remedy)
     lift = survey.signals.get("needle_lift")
-    # Not computed without noise.
-    is_measured = lift is not None and lift.highest > OPEN and lift.lowest != 0.0
+    is_measured = lift is not None and lift.highest > OPEN and lift.lowest != 0.0  # Not computed without noise.
     yield from (SignalDoubt(f"{odd.signal} {odd.problem}", odd.remedy) for odd in unshut(survey))
     for name in ("rail_pressure", "line_pressure"):
         signal = survey.signals.get(name)

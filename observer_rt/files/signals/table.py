@@ -43,10 +43,7 @@ NO_ROWS = TablePart(np.empty(0), {})
 
 
 class Table(ABC):
-    """The mapped columns of a file. Raises `UserError` for one that lacks a column or cannot be read.
-
-    word: for a column; brings_time: the file's own time, in seconds, instead of a column.
-    """
+    """Mapped columns of a file; brings_time: its own time [s]. Raises `UserError` without a column, or unreadable."""
 
     word: ClassVar[str] = "column"
     brings_time: bool = False

@@ -88,8 +88,7 @@ class Mdf4Writer(TableWriter):
         super().__init__(path, columns)
         self._file = self._stack.enter_context(MDF(version="4.10"))
         history = FileHistory()
-        # what wrote the file, but not when
-        self._file.start_time = history.time_stamp = datetime.fromtimestamp(0, UTC)
+        self._file.start_time = history.time_stamp = datetime.fromtimestamp(0, UTC)  # not when it was written
         history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
         self._file.file_history.append(history)
         self._is_begun = False

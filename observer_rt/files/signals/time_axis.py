@@ -133,10 +133,7 @@ class RowRun:
 
 
 class AxisSurvey:
-    """Takes the stamps of one axis in order, and puts its values on a grid.
-
-    rate: of the grid [Hz]; bridge: longest gap [s] that is closed.
-    """
+    """Takes the stamps of one axis in order, and grids its values; rate [Hz]: of the grid; bridge [s]: of gaps."""
 
     def __init__(self, rate: float, bridge: float) -> None:
         self._rate, self._bridge = rate, bridge

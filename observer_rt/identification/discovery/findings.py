@@ -64,7 +64,6 @@ class CellOfMap(DocumentPart):
 
 
 def ranked(candidate: Candidate, findings: "Findings") -> RankedCandidate:
-    """A candidate of the ranking."""
     return RankedCandidate(
         ids=candidate.ids,
         held_out_chi2=candidate.held_out,
@@ -77,7 +76,6 @@ def ranked(candidate: Candidate, findings: "Findings") -> RankedCandidate:
 
 
 def cell_of_map(item: Disagreement, findings: "Findings") -> CellOfMap:
-    """A cell of the map."""
     cell = item.before
     return CellOfMap(
         signal=cell.signal,

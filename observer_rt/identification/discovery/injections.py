@@ -35,12 +35,10 @@ class Gap:
 
     @property
     def unit(self) -> str:
-        """Unit of the quantity, as printed."""
         return UNITS[self.name][0]
 
     @property
     def words(self) -> str:
-        """Name of the quantity for people."""
         return self.name.replace("_", " ")
 
 
@@ -121,7 +119,6 @@ def _errors(
 
 
 def rms(values: Floats) -> float:
-    """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 

@@ -34,8 +34,6 @@ _AS_IF: Mapping[TermEquation, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Reading:
-    """A simple law in words."""
-
     size: float  # factor of the coefficient
     where: str  # when and where the law has this size
     per: str = ""  # unit of the quantity with which the amount grows; empty: a plain amount

@@ -56,8 +56,6 @@ class LevelSource(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
-    """Result of a fit."""
-
     file: InjectorParameters  # before the fit
     measurements: Sequence[Measurement]
     choice: Choice  # among structures, compared on few events
@@ -73,12 +71,10 @@ class CalibrationResult:
 
     @property
     def injector(self) -> InjectorParameters:
-        """The injector fitted."""
         return self.fitted.injector
 
     @property
     def sizes(self) -> dict[str, FittedNumber]:
-        """The fitted parameters by name."""
         fitted = self.fitted
         return sizes_of(fitted.calibration.free, fitted.certainty.sigmas, self.file, self.injector)
 
@@ -151,10 +147,7 @@ def calibrate(
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> CalibrationResult:
-    """Fit an injector to recordings of it when healthy. Raises `RunError` where no structure has a solution.
-
-    weighed: measured masses by the number of the recording; progress takes the share done.
-    """
+    """Fit an injector to healthy recordings; weighed: masses by recording. Raises `RunError` without a solution."""
     source = LevelSource.MASS if weighed else LevelSource.FILE
     if any(one.recording.injection_rate is not None for one in recordings):  # which gives it at every sample
         source = LevelSource.RATE

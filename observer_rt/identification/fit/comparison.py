@@ -56,12 +56,10 @@ class UnexplainedSignal:
 
     @property
     def mean(self) -> float:
-        """Mean chi2 of the phases."""
         return float(np.nanmean(list(self.chi2.values())))
 
     @property
     def worst(self) -> Phase:
-        """The phase with the largest chi2."""
         return max(self.chi2, key=lambda phase: np.nan_to_num(self.chi2[phase]))
 
 

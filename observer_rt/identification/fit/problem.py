@@ -163,8 +163,7 @@ class Calibration:
             if len(kept) >= _MOST_KEPT:
                 kept.pop(next(iter(kept)))
             model = self.model(theta, number)
-            # sound must cross less than a cell in a step
-            is_stable = model.coefficients.line.strain(STEP) < STABLE
+            is_stable = model.coefficients.line.strain(STEP) < STABLE  # sound must cross less than a cell in a step
             kept[key] = self.recordings[number].judge(model) if is_stable else None
         return kept[key]
 

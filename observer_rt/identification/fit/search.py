@@ -154,10 +154,7 @@ def _fit(
 def settled(
     best: FittedStructure, start: InjectorParameters, folds: Sequence[Fold]
 ) -> tuple[FittedStructure, tuple[forms.FreeParameter, ...]]:
-    """The structure fitted to `folds`, and the parameters left to the file, which the data do not determine.
-
-    start: the file's; the least certain is left to it first: with one fixed others may be determined.
-    """
+    """The structure fitted to `folds`, and undetermined parameters left to the file, the least certain first."""
     left_out: list[forms.FreeParameter] = []
     free, now = list(best.calibration.free), best
     while True:

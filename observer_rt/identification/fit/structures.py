@@ -15,8 +15,7 @@ from observer_rt.identification.fit.problem import Fold
 from observer_rt.identification.fit.search import FailedStructure, FittedStructure, certain_groups, fitted, searched
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
-# Times the best chi2, of the mean and of a phase, up to which one is as good.
-MEAN_MARGIN, WORST_MARGIN = 1.15, 1.5
+MEAN_MARGIN, WORST_MARGIN = 1.15, 1.5  # Times the best chi2, of the mean and of a phase, up to which one is as good.
 CHANCE_CHI2 = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
 # Mean chi2 of a kind of line, up to which no further kind is tried.
 ENOUGH_CHI2 = {"lump": MEAN_MARGIN + CHANCE_CHI2, "wave": search.EXPLAINED_CHI2}

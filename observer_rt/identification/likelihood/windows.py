@@ -119,10 +119,7 @@ def setting_of(
 def followed(
     batch: Batch, setting: Setting, needle: NeedleLaw, until_opening: bool = False, delays: ShotDelays = ()
 ) -> tuple[Floats, Floats]:
-    """Normalised innovations (n,) and injection rate [m3/s] (n,) of x~ over all windows of a recording.
-
-    needle: answers the commands, if any; until_opening: x^ instead, open loop from its window's opening on.
-    """
+    """Normalised innovations, rate [m3/s] (n,) of x~ over a recording's windows; until_opening: then open loop."""
     learned = nothing_learned(setting.coefficients)
     innovation, rate = np.empty((2, batch.output.size))
     for number, (first, end) in enumerate(pairwise(batch.bounds)):

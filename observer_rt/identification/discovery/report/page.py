@@ -125,8 +125,7 @@ def _draw_bars(axes: Axes, labels: Sequence[str], gaps: Sequence[Gap], amended: 
     axes.set_ylim(bottom=0.0)
     axes.grid(axis="x", visible=False)
     axes.set_xticks(places, labels)
-    # So that a single bar does not fill the figure.
-    spare = 0.6 + max(0.0, (_FEWEST_PLACES - places.size) / 2.0)
+    spare = 0.6 + max(0.0, (_FEWEST_PLACES - places.size) / 2.0)  # So that a single bar does not fill the figure.
     axes.set_xlim(-spare, places.size - 1.0 + spare)
 
 
@@ -253,5 +252,4 @@ _PAGES.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
 
 
 def report(findings: Findings) -> str:
-    """The page."""
     return _PAGES.get_template("report.html.j2").render(findings=findings)

@@ -43,8 +43,7 @@ def as_text(findings: Findings) -> str:
             f"  accepted in part: it closes {part.closed:.0%} of the gap held out; the {part.left / MEGAPASCAL:.2g} "
             f"MPa left belong to the model's stated uncertainty, by which masses have ±{part.mass_half:.1%} more"
         )
-    # Wear may be there up to these all the same.
-    if findings.verdict is Verdict.NONE and findings.smallest_visible:
+    if findings.verdict is Verdict.NONE and findings.smallest_visible:  # Wear may be there up to these all the same.
         wear = (one for one in findings.smallest_visible if VOCABULARY[one.id].wear)
         names = (f"{one.id} below {visible_words(one)}" for one in wear)
         lines.append(f"  not seen: {', '.join(names)}; all in the report")

@@ -203,8 +203,6 @@ class HeldOutPoints:
 
 @dataclass(frozen=True, eq=False)
 class _Events:
-    """Events held out."""
-
     theta: Floats  # (p,) fitted to the other events
     statistic: Floats  # (events,) -2 log L
     gap: Floats  # (events,) mean square of the line pressure's open-loop gap [Pa2]

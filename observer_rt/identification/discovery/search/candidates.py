@@ -18,8 +18,7 @@ from observer_rt.model.term_effect import LAWS_OF_EFFECTS, TermLaw, is_term, ter
 from observer_rt.model.terms.term import Term
 
 DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
-# Of the dead zone, for finite differences: noise does not drown that of a term.
-_STEP, _STEP_OF_TERM = 0.01, 5.0
+_STEP, _STEP_OF_TERM = 0.01, 5.0  # Of the dead zone, for finite differences: noise does not drown that of a term.
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
 MOST_STARTS = 2  # from which a search begins
 _EXPLAINED_VARIANCE = 1.1  # variance of the residuals below which no second start is tried
@@ -40,7 +39,6 @@ class Hypothesis:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Ids of the effects."""
         return tuple(effect.id for effect in self.effects)
 
     @property
@@ -58,13 +56,11 @@ class Hypothesis:
         return tuple(np.split(theta, ends[:-1])) if self.effects else ()
 
     def model(self, nominal: EffectiveModel, theta: Floats) -> EffectiveModel:
-        """The nominal model with these effects at these sizes."""
         for effect, values in zip(self.effects, self.split(theta), strict=True):
             nominal = effect.apply(nominal, tuple(float(value) for value in values))
         return nominal
 
     def ranges(self) -> tuple[Range, ...]:
-        """Bounds and steps of theta."""
         return tuple(
             Range(p.lowest, p.highest, share * p.dead_zone or _SHAPE_STEP * (p.highest - p.lowest))
             for effect in self.effects
@@ -158,7 +154,6 @@ class Candidate:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Ids of the effects."""
         return self.hypothesis.ids
 
     @property
@@ -209,8 +204,7 @@ class Candidate:
         """Terms among the effects, with 95 % intervals of their coefficients, cut at the bounds, where known."""
         fitted_terms = []
         for effect, size, half in self.parts:
-            # A coefficient is its only one.
-            term = term_of(effect, float(size[0])) if size.size == 1 else None
+            term = term_of(effect, float(size[0])) if size.size == 1 else None  # A coefficient is its only one.
             if term is not None:
                 bounds = effect.parameters[0].lowest, effect.parameters[0].highest
                 ends = [float(np.clip(term.coefficient + move, *bounds)) for one in half for move in (-one, one)]
@@ -218,7 +212,6 @@ class Candidate:
         return tuple(fitted_terms)
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
-        """The nominal model with these effects."""
         return self.hypothesis.model(nominal, self.theta)
 
     def without(self, effect: Effect) -> tuple[Hypothesis, Floats]:

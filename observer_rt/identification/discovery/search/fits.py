@@ -69,7 +69,6 @@ class Fitter:
         self._pools: dict[CandidateKey, Pool] = {}
 
     def nothing(self) -> Candidate:
-        """The nominal model."""
         residuals = self._problem(Hypothesis())(np.zeros(0))
         assert residuals is not None  # the search began with it
         return Candidate(Hypothesis(), (), residuals.statistic, residuals.spread)
@@ -111,7 +110,6 @@ class Fitter:
         return self._pools[candidate.key]
 
     def residuals(self, candidate: Candidate) -> Residuals:
-        """Residuals of a candidate."""
         return residuals_of(self.judged(candidate))
 
     def _problem(self, hypothesis: Hypothesis) -> Problem:
@@ -178,10 +176,7 @@ class Fitter:
         return self._remembered(hypothesis, hypothesis.ids, minimum_of_law)
 
     def sharpened(self, candidate: Candidate) -> Candidate | None:
-        """A candidate with the numbers within its laws fitted, too; None without any, or where the fit fails.
-
-        A table's many numbers are fitted if it stands alone: beside another law they hardly move.
-        """
+        """A candidate with the numbers within its laws, or of a table alone, fitted, too; None if that fails."""
         effects, numbers = candidate.hypothesis.effects, candidate.hypothesis.numbers
         few = [len(effects) == 1 or number <= MOST_NAMED for number in numbers]
         freed = Hypothesis(tuple(form_freed(one) if free else one for one, free in zip(effects, few, strict=True)))

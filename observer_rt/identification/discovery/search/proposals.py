@@ -35,8 +35,7 @@ FLOW_MARGIN = 1.25  # times the largest injection rate, that a flow may be, eith
 _DIGITS = 4
 _RATE = {"rail_pressure": "rail_pressure_rate", "line_pressure": "line_pressure_rate", "needle_lift": "lift_rate"}
 LEAST_CLOSED = 2.0 / 3.0  # of the gap held out
-# So small that pressure and mass follow it in proportion.
-_PROBE = Term(TermEquation.NOZZLE_FLOW, Number(0.02))
+_PROBE = Term(TermEquation.NOZZLE_FLOW, Number(0.02))  # So small that pressure and mass follow it in proportion.
 _MORE = "record more rail pressures and durations, or the injection rate as well"
 
 

@@ -20,8 +20,7 @@ from observer_rt.identification.likelihood.signals import Signal
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Component, Effect, Equation, Likeness
 from observer_rt.model.effects import VOCABULARY
 
-# of standard deviations by a steady gain: errors on independent plants are that much larger
-INTERVAL_MARGIN = 1.08
+INTERVAL_MARGIN = 1.08  # of standard deviations by a steady gain: errors on independent plants are that much larger
 TEMPER = 2.0  # divides -2 log L, for no model knows noise and line exactly: 12 behind are odds of 1 to 20
 HIGHEST_PROBABILITY = 0.96  # probability of all candidates together: of 43 that stood alone 3 were wrong
 SURE_PROBABILITY = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
@@ -88,7 +87,6 @@ class Cell:
 
     @property
     def point(self) -> str:
-        """Name of the operating point."""
         return point_name(self.rail_pressure, self.duration)
 
 
@@ -116,8 +114,6 @@ class LargestMisfit:
 
 @dataclass(frozen=True, eq=False)
 class SearchOutcome:
-    """Result of the search."""
-
     nominal: Candidate
     winner: Candidate  # the best without a law; the nominal model if no name is accepted
     posterior: tuple[tuple[Candidate, float], ...]  # candidates that explain the recordings, the most probable first
@@ -128,7 +124,6 @@ class SearchOutcome:
 
     @property
     def adequate(self) -> bool:
-        """Whether the winner explains the recordings."""
         return self.ratio <= 1.0
 
     @property

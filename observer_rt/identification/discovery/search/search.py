@@ -28,10 +28,8 @@ PROMISED_SHARE = 0.5  # of a gain that is needed: a score is linear, and not exa
 LAW_CHARGE = 0.5  # of what a name leaves, that a law must take to stand in its place beside a fitted model
 BASE_SHARE = 0.5  # of what the best explains, that a candidate must explain for effects to be added to it
 TIED_GAIN = 16.0  # of -2 log L, within which fits explain as much
-# Of what is explained, that an effect must add; beside a fitted model.
-RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02
-# Of what is left unexplained, that a further law must gain; that it keeps.
-LEAST_SHARE, KEPT_SHARE = 0.05, 0.02
+RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02  # Of what is explained, that an effect must add; beside a fitted model.
+LEAST_SHARE, KEPT_SHARE = 0.05, 0.02  # Of what is left unexplained, that a further law must gain; that it keeps.
 
 
 def representatives(has_lift: bool) -> tuple[Effect, ...]:
@@ -76,8 +74,7 @@ class Search:
             best = self._grown(best)
             adequate = self._is_adequate(best)
         if len(best.ids) > 1 and adequate and not best.terms:
-            # One law may do what several names do, and none of the library's was it.
-            self._tried += self._laws.made_alone
+            self._tried += self._laws.made_alone  # A law may do what several names do.
             best = min(best, self._better(self._laws.made_alone, self._nothing) or best, key=self._rank)
         if len(best.ids) == 1 and (best.terms or adequate):
             self._tried += self._laws.stand_ins(best)

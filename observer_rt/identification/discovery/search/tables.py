@@ -53,8 +53,7 @@ class Symmetry:
 
 NO_SYMMETRY = Symmetry("table({u}, {pairs})", 0.0, -np.inf)
 EVEN_SYMMETRY = Symmetry("table(abs({u}), {pairs})", 1.0, 0.0)
-# Its knots stand twice in the law, which may not be longer.
-ODD_SYMMETRY = Symmetry(
+ODD_SYMMETRY = Symmetry(  # Its knots stand twice in the law, which may not be longer.
     "(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0, {pairs}))", -1.0, 1e-9, MOST_KNOTS // 2
 )
 

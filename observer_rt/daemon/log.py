@@ -46,7 +46,7 @@ class ServiceLog(AbstractContextManager["ServiceLog"]):
         quiet: bool = False,
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """file: lines are appended, anew after logrotate; quiet: leave to the view its own. Raises `OSError`."""
+        """file: lines are appended, anew after logrotate; quiet: without what the view shows. Raises `OSError`."""
         self._is_journal = is_journal(console.file, environment)
         self._hidden = QUIET_TOPICS if quiet else frozenset[Topic]()
         self._screen = _Outlet(partial(_show_line, console))

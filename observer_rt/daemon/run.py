@@ -50,7 +50,7 @@ class Serving:
     """Whether the last bench was in service when it ended."""
 
     def serve(self, bench: Bench) -> Bench | None:
-        """Serve a bench until asked to stop (None), or to serve another, returned. Raises `UserError`, `RunError`."""
+        """Serve a bench until asked to stop; returns the bench to serve next. Raises `UserError`, `RunError`."""
         self.has_observed = False
         with ExitStack() as stack:
             service = self._service(bench, stack)

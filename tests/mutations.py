@@ -76,7 +76,7 @@ def tests_of(path: Path) -> list[str]:
 def drawn(seed: int, count: int) -> Iterator[Fault]:
     draw, rooms = random.Random(seed), dict[str, list[Path]]()
     for path in sorted(PACKAGE.rglob("*")):
-        if path.suffix in {".py", ".pyx", ".pxi"} and path.read_text(encoding="utf-8").count("\n") >= LEAST:
+        if path.suffix in {".py", ".pyx", ".pxd", ".pxi"} and path.read_text(encoding="utf-8").count("\n") >= LEAST:
             depth = 3 if path.parts[1] in {"core", "engine"} else 2
             rooms.setdefault("/".join(path.parts[1:depth]), []).append(path)
     for paths in rooms.values():

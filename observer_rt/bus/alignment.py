@@ -1,9 +1,9 @@
 """Memory by which the compiled core aligns frames to one gapless stream of samples, and keeps their time.
 
-`alignment.pxi` and `placing.pxi` of `core/frames` align by it: messages of one time base join by their unwrapped
+`alignment.pxd` and `placing.pxd` of `core/frames` align by it: messages of one time base join by their unwrapped
 sample index, others follow on the same grid (`mapping.timing`). Up to two missing samples are interpolated, more are
 a loss. An index jump is legal only with a contiguous E2E counter in every message on the grid and a closed needle
-before and after. `frame_numbers.pxi` counts frames without an index; `clock.pxi` finds a device's clock by
+before and after. `frame_numbers.pxd` counts frames without an index; `clock.pxd` finds a device's clock by
 stamps, whose delays and drift say how well the time of samples is known.
 """
 

@@ -24,7 +24,7 @@ CIMPORT = re.compile(r"^from (\S+) cimport ([^()\n]+$|\([^)]+\))", re.MULTILINE)
 EXPORTED = re.compile(r"^globals\(\)\.update\((.+?)\)$", re.MULTILINE | re.DOTALL)
 SHOWN = re.compile(r"^cpdef enum:.*\n((?:    .*\n)+)", re.MULTILINE)
 ENUM = re.compile(r'=enum_of\(\s*__name__, "(\w+)", ([^)]+)\)')
-DOUBLE = re.compile(r"^cdef double(\[\w+\])? (\w+) =", re.MULTILINE)
+DOUBLE = re.compile(r"^(?:cdef|    const) double(\[\w+\])? ([A-Z]\w+)", re.MULTILINE)
 DECLARED = re.compile(
     r"^cdef class (?P<name>\w+)(?P<base>\(\w+\))?:$"
     r"|^(?P<indent>    |)def (?P<function>__init__|[a-z]\w*)\((?P<parameters>.*?)\) -> (?P<result>.+?):$",

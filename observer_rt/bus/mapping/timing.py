@@ -195,7 +195,7 @@ def _common_value(injector: BenchInjector, message: Message, roles: Sequence[Rol
 
 
 class GridRelation(NamedTuple):
-    """Relation of a message's samples to the grid, by which they are put between its samples (`resampling.pxi`)."""
+    """Relation of a message's samples to the grid, by which they are put between its samples (`resampling.pxd`)."""
 
     roles: int
     """Bits, by `ROLES`, of the roles that are put there; the message's others stay where they are."""

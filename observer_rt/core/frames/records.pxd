@@ -1,6 +1,6 @@
 # Records of the frame pipeline, as numpy owns them, and the structures its functions take of them.
 
-from libc.stdint cimport int16_t, int32_t, int64_t, uint16_t, uint32_t, uint64_t, uint8_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t, uint8_t
 
 from observer_rt.core.stream.state cimport Observer, Recorded
 
@@ -10,6 +10,15 @@ cdef enum:
     LONGEST_FRAME = 64  # bytes
     POINTS = 16
     SURROUNDINGS = 2  # quantities round the injector that change the model
+
+cdef extern from *:
+    """
+    #include <stdint.h>
+    #define INDEX_MASK ((int64_t) 0xFFFFFFFF)
+    #define NANOSECONDS ((int64_t) 1000000000)
+    """
+    const int64_t INDEX_MASK  # of a sample index as sent
+    const int64_t NANOSECONDS  # of a second
 
 
 cdef struct Signal:

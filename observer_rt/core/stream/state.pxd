@@ -384,7 +384,7 @@ cdef struct ObserverMemory:
     Standstill standstill
     Rest rest
     Outliers outliers
-    # frames/inputs.pxi, and engine/service/optional_inputs.py when the model has changed
+    # frames/inputs.pxd, and engine/service/optional_inputs.py when the model has changed
     signed char input_fault  # Reason all that comes now is not to be trusted, 0 when it is
 
 cdef struct Finding:

@@ -7,18 +7,36 @@
 # anew. A frame that could not be sent by the time of its stamp is overtaken by a later one, and late; its counter may
 # say so before the clock is known.
 
+from libc.math cimport INFINITY, floor, fmin
+from libc.stdint cimport int64_t
+
+from observer_rt.core.frames.clock cimport ENOUGH_POINTS, delay_of
+from observer_rt.core.frames.records cimport Clock, Counting
+
+cdef enum:  # Count
+    COUNT_NEXT, COUNT_REPEATED, COUNT_OLD, COUNT_ANEW
+
 cdef enum:
     OLD_FRAMES_OF_RESTART = 3  # consecutive old frames that mean: the device began anew
 
-cdef double SURE = 0.75  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
-cdef double DECIDED = 0.5  # the same, from which on frames are lost
-cdef double UNUSUAL = 2.0  # times the usual greatest delay, and SURE of a cycle less than one, a delay means trouble
-cdef double WANDER = 10e-6  # of a delay, by which a clock that was known may have gone astray meanwhile
-cdef double UNKNOWN = 0.1e9  # ns, that the first frames may be late by while the clock is not known
-cdef double SLIPPED = 0.5  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
+cdef extern from *:
+    """
+    #define SURE 0.75
+    #define DECIDED 0.5
+    #define UNUSUAL 2.0
+    #define WANDER 10e-6
+    #define UNKNOWN 0.1e9
+    #define SLIPPED 0.5
+    """
+    const double SURE  # cycles short of a whole turn of the counter, up to which a delay is surely no loss
+    const double DECIDED  # the same, from which on frames are lost
+    const double UNUSUAL  # times the usual greatest delay, and SURE of a cycle less than one, a delay means trouble
+    const double WANDER  # of a delay, by which a clock that was known may have gone astray meanwhile
+    const double UNKNOWN  # ns, that the first frames may be late by while the clock is not known
+    const double SLIPPED  # cycles beyond what is not known, by which all delays of a window grew: frames were lost unseen
 
 
-cdef int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int64_t stamp) noexcept nogil:
+cdef inline int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int64_t stamp) noexcept nogil:
     """Give a frame its `number`; returns how it was counted, `Count`.
 
     sequence: its counter; the clock counts in samples.
@@ -54,13 +72,13 @@ cdef int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int
     return COUNT_NEXT
 
 
-cdef bint sees_losses(Counting* counting, Clock* clock) noexcept nogil:
+cdef inline bint sees_losses(Counting* counting, Clock* clock) noexcept nogil:
     """Whether delays like those of the last window leave no doubt of how many frames were lost."""
     cycle = clock.samples * clock.interval
     return clock.points >= ENOUGH_POINTS and clock.spread < (counting.modulus - SURE) * cycle
 
 
-cdef bint is_sure(Counting* counting, Clock* clock) noexcept nogil:
+cdef inline bint is_sure(Counting* counting, Clock* clock) noexcept nogil:
     """Whether the frames of this window and the last are numbered without doubt."""
     cycle = clock.samples * clock.interval
     latest = max(clock.spread, clock.latest)
@@ -71,17 +89,17 @@ cdef bint is_sure(Counting* counting, Clock* clock) noexcept nogil:
     )
 
 
-cdef bint has_slipped(Clock* clock) noexcept nogil:
+cdef inline bint has_slipped(Clock* clock) noexcept nogil:
     """Whether the window just ended shows that frames were lost before it, unseen among their delays."""
     return clock.raised > SLIPPED * clock.samples * clock.interval + clock.residual
 
 
-cdef double _unknown(Counting* counting, Clock* clock, double turn) noexcept nogil:
+cdef inline double _unknown(Counting* counting, Clock* clock, double turn) noexcept nogil:
     """Time [ns] by which a frame may seem to come too early and be the next one all the same."""
     # with a counter: beyond half a turn it is likelier one of the turn before
     return clock.residual if counting.modulus == 1 else fmin(clock.residual, fmin(0.5 * turn, UNKNOWN))
 
 
-cdef void _count_anew(Counting* counting, int64_t sequence) noexcept nogil:
+cdef inline void _count_anew(Counting* counting, int64_t sequence) noexcept nogil:
     counting.begun, counting.sequence = True, sequence
     counting.number = counting.old = 0

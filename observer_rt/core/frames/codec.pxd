@@ -1,13 +1,20 @@
 # Decodes and encodes signals of a bus database, by tables of where their bits are: see bus.database.codec.
+# A frame carries those signals whose selectors it meets: see bus.database.multiplexing.
 
-cpdef enum:  # how the bits of a field are to be read
+from libc.math cimport NAN, isnan, rint
+from libc.stdint cimport int64_t, uint32_t, uint64_t, uint8_t
+from libc.string cimport memcpy
+
+from observer_rt.core.frames.records cimport Selection, Signal
+
+cdef enum:  # how the bits of a field are to be read
     UNSIGNED = 0
     SIGNED = 1
     FLOAT32 = 2
     FLOAT64 = 3
 
 
-cdef void decode(const uint8_t* payload, const Signal* table, int64_t count, double* out) noexcept nogil:
+cdef inline void decode(const uint8_t* payload, const Signal* table, int64_t count, double* out) noexcept nogil:
     """Physical values, in the units of the bus database, of the signals in `table`; NaN: not available, in error, no value."""
     for i in range(count):
         out[i] = value_between(payload, &table[i], table[i].least, table[i].most)
@@ -29,13 +36,13 @@ cdef inline double value_between(
     return raw * signal.scale + signal.offset
 
 
-cdef void encode(const double* values, const Signal* table, int64_t count, uint8_t* payload) noexcept nogil:
+cdef inline void encode(const double* values, const Signal* table, int64_t count, uint8_t* payload) noexcept nogil:
     """Write physical values into `payload` in place; NaN means not available. Other signals' bits stay."""
     for i in range(count):
-        put_bits(payload, &table[i], _bits(values[i], &table[i]))
+        put_bits(payload, &table[i], value_bits(values[i], &table[i]))
 
 
-cdef uint64_t field_bits(const uint8_t* payload, const Signal* signal) noexcept nogil:
+cdef inline uint64_t field_bits(const uint8_t* payload, const Signal* signal) noexcept nogil:
     """The bits of a signal's field as they are."""
     cdef uint64_t bits = <uint64_t> payload[signal.first_byte] >> signal.shift
     cdef uint64_t filled = 8 - signal.shift
@@ -47,7 +54,7 @@ cdef uint64_t field_bits(const uint8_t* payload, const Signal* signal) noexcept 
     return bits & signal.mask
 
 
-cdef void put_bits(uint8_t* payload, const Signal* signal, uint64_t bits) noexcept nogil:
+cdef inline void put_bits(uint8_t* payload, const Signal* signal, uint64_t bits) noexcept nogil:
     """Write the low bits of `bits` into a signal's field, in place."""
     cdef uint64_t low_bits = 8 - signal.shift
     cdef uint64_t kept = ~(signal.mask << signal.shift) & 0xFF
@@ -61,7 +68,7 @@ cdef void put_bits(uint8_t* payload, const Signal* signal, uint64_t bits) noexce
         low_bits += 8
 
 
-cdef double raw_number(uint64_t bits, const Signal* signal) noexcept nogil:
+cdef inline double raw_number(uint64_t bits, const Signal* signal) noexcept nogil:
     """The number a field holds, before scale and offset."""
     cdef uint32_t low
     cdef float single
@@ -78,7 +85,7 @@ cdef double raw_number(uint64_t bits, const Signal* signal) noexcept nogil:
     return number
 
 
-cdef uint64_t _bits(double value, const Signal* signal) noexcept nogil:
+cdef inline uint64_t value_bits(double value, const Signal* signal) noexcept nogil:
     """Bits of the field, low-aligned, that stand for a physical value [unit of the database]."""
     cdef uint64_t bits
     cdef uint32_t low
@@ -109,3 +116,22 @@ cdef uint64_t _bits(double value, const Signal* signal) noexcept nogil:
     if signal.has_error and bits == signal.error:
         return signal.instead_of_error
     return bits
+
+
+cdef inline bint is_selected(
+    const uint8_t* payload, const Selection* selection, int64_t first, int64_t count
+) noexcept nogil:
+    """Whether a frame meets the conditions in rows [first, first + count) of `selection`."""
+    cdef int64_t row = first, end = first + count, selector
+    cdef uint64_t bits
+    cdef bint is_met
+    while row < end:
+        selector = selection.conditions[row].selector
+        bits = field_bits(payload, &selection.selectors[selector])
+        is_met = False
+        while row < end and selection.conditions[row].selector == selector:
+            is_met |= selection.conditions[row].value == bits
+            row += 1
+        if not is_met:
+            return False
+    return True

@@ -2,16 +2,26 @@
 #
 # Samples of other time bases than the grid's follow on it by `resampling`; the place of a block is found by `placing`.
 
+from libc.stdint cimport INT64_MAX, int64_t
 
-cpdef enum:
+from observer_rt.core.frames.records cimport MAX_INPUTS, Alignment, Follower, Slot
+from observer_rt.core.stream.state cimport BREAK_JUMP, BREAK_LOSS, BREAK_NONE, LIFT, RECORDED_MASK, Recorded
+
+cdef enum:
+    SLOTS = 4096  # samples that may wait for another message
+    SLOT_MASK = SLOTS - 1
+    MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
     PATIENCE = SLOTS // 2  # samples that wait for a message, but one that holds, before it counts as stale
 
+cdef extern from *:
+    """
+    static const double IMPOSSIBLE[3] = {1e9, 1e-2, 1e9};
+    """
+    # What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
+    const double[3] IMPOSSIBLE
 
-# What no sensor of an injector can mean [Pa, m, Pa]: a value beyond it, or none at all, is missing.
-cdef double[3] IMPOSSIBLE = [1e9, 1e-2, 1e9]
 
-
-cdef void store(
+cdef inline void store(
     Alignment* alignment, int64_t index, int64_t role, double value, bint interpolated, double share
 ) noexcept nogil:
     """Put one value [SI] of a role at its index; NaN and impossible values count as missing.
@@ -29,7 +39,7 @@ cdef void store(
         slot.interpolated = slot.interpolated or interpolated
 
 
-cdef void decide(Alignment* alignment) noexcept nogil:
+cdef inline void decide(Alignment* alignment) noexcept nogil:
     """Write to the ring what all messages have passed; a follower that stays away is not waited for long."""
     memory = alignment.memory
     cdef int64_t frontier = INT64_MAX
@@ -46,7 +56,7 @@ cdef void decide(Alignment* alignment) noexcept nogil:
     decide_until(alignment, frontier)
 
 
-cdef void decide_until(Alignment* alignment, int64_t frontier) noexcept nogil:
+cdef inline void decide_until(Alignment* alignment, int64_t frontier) noexcept nogil:
     """Write the complete samples before `frontier`; the others are missing."""
     memory = alignment.memory
     complete = (1 << MAX_INPUTS) - 1
@@ -72,7 +82,7 @@ cdef void decide_until(Alignment* alignment, int64_t frontier) noexcept nogil:
     memory.next_index = max(memory.next_index, frontier)
 
 
-cdef bint _begin_grid(Alignment* alignment) noexcept nogil:
+cdef inline bint _begin_grid(Alignment* alignment) noexcept nogil:
     """Decide first on the first sample that every message has; False while a message has sent none."""
     memory = alignment.memory
     for m in range(memory.stream_count):
@@ -86,7 +96,7 @@ cdef bint _begin_grid(Alignment* alignment) noexcept nogil:
     return True
 
 
-cdef int64_t _frontier_of(Alignment* alignment, Follower* follower, int64_t others) noexcept nogil:
+cdef inline int64_t _frontier_of(Alignment* alignment, Follower* follower, int64_t others) noexcept nogil:
     """The index up to which a follower has sent all it will, when the others have sent theirs up to `others`."""
     cdef double patience = follower.reach if follower.holds else <double> PATIENCE
     if others <= follower.position + patience:
@@ -103,7 +113,7 @@ cdef int64_t _frontier_of(Alignment* alignment, Follower* follower, int64_t othe
     return others
 
 
-cdef void _pass_on(Alignment* alignment, Slot* slot) noexcept nogil:
+cdef inline void _pass_on(Alignment* alignment, Slot* slot) noexcept nogil:
     """Write a complete sample to the ring, with the `Break` by its distance from the last one."""
     memory = alignment.memory
     gap = slot.index - memory.last_index - 1
@@ -136,7 +146,7 @@ cdef void _pass_on(Alignment* alignment, Slot* slot) noexcept nogil:
     memory.last_index = slot.index
 
 
-cdef Recorded* _append(Alignment* alignment, int64_t index) noexcept nogil:
+cdef inline Recorded* _append(Alignment* alignment, int64_t index) noexcept nogil:
     memory = alignment.memory
     row = &alignment.recorded[memory.decided & RECORDED_MASK]
     memory.decided += 1
@@ -144,7 +154,7 @@ cdef Recorded* _append(Alignment* alignment, int64_t index) noexcept nogil:
     return row
 
 
-cdef bint _is_legal_jump(Alignment* alignment, Slot* slot) noexcept nogil:
+cdef inline bint _is_legal_jump(Alignment* alignment, Slot* slot) noexcept nogil:
     """Whether all messages on the grid jumped here, with contiguous counters, the needle closed on both sides.
 
     The last block before the jump may end in samples that are not available.

@@ -1,15 +1,23 @@
 # Encodes recordings as frames: many of a message at once.
 
-cdef void encode_column(
+from libc.math cimport NAN
+from libc.stdint cimport int64_t, uint8_t
+
+from observer_rt.core.frames.codec cimport put_bits, value_bits
+from observer_rt.core.frames.records cimport INDEX_MASK, MAX_INPUTS, InputGroup, InputKind, Inputs, Signal, Timing
+from observer_rt.core.frames.timekeeping cimport NUMBERING_COUNTER, NUMBERING_INDEX
+
+
+cdef inline void encode_column(
     const double* values, int64_t count, const Signal* signal, uint8_t* payloads, int64_t step
 ) noexcept nogil:
     """As `encode`, one signal of many frames: values (count,), the payloads `step` bytes apart."""
     cdef int64_t row
     for row in range(count):
-        put_bits(payloads + row * step, signal, _bits(values[row], signal))
+        put_bits(payloads + row * step, signal, value_bits(values[row], signal))
 
 
-cdef void fill_group(
+cdef inline void fill_group(
     const double* values, int64_t rows, int64_t index, int64_t samples, int64_t counter, int64_t counter_step,
     const Inputs* inputs, const InputKind* kinds, const Timing* timing, const InputGroup* group, uint8_t* payloads,
     int64_t frames, int64_t step, double* column
@@ -21,7 +29,7 @@ cdef void fill_group(
         encode_column(column, frames, inputs.signals + group.first_signal + position, payloads, step)
 
 
-cdef void _fill_column(
+cdef inline void _fill_column(
     double* column, int64_t frames, const double* values, int64_t rows, int64_t position, int64_t index, int64_t samples,
     int64_t counter, int64_t counter_step, const Inputs* inputs, const Timing* timings, const InputGroup* group
 ) noexcept nogil:

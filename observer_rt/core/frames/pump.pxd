@@ -4,7 +4,16 @@
 # With one bus it sleeps until the frame that completes a block of rates is due, so that one wake brings several frames.
 # Nothing is allocated.
 
-cpdef enum:
+from libc.stdint cimport int64_t, uint32_t, uint64_t, uint8_t
+from libc.string cimport memcpy
+
+from observer_rt.core.frames.pipeline cimport handle, proceed
+from observer_rt.core.frames.records cimport (
+    LONGEST_FRAME, NANOSECONDS, Arrival, ErrorFrame, OutFrame, Pipeline, Publisher, PumpBus, PumpMemory
+)
+from observer_rt.core.stream.state cimport Observer
+
+cdef enum:
     BATCH = 16  # frames that one system call may bring
     SLOT_BYTES = 80  # of a frame with its stamp behind it, as a feeder gives it
     CONTROL_BYTES = 128  # room for three time stamps and a count of lost frames
@@ -17,13 +26,17 @@ cpdef enum:
     LATENCIES = 64  # four to an octave
     SHORTEST_LATENCY = 10  # bits of those [ns] that come before them: 1 us
 
-cdef int64_t LARGEST_LATENCY = 10000000000  # ns: longer ago a frame was recorded, not received
-
 cdef extern from *:
     """
     #include <stdint.h>
+    #define EXTENDED_KEY ((int64_t) 1 << 32)
+    #define BUS_KEY ((int64_t) 1 << 33)
+    #define LARGEST_LATENCY ((int64_t) 10000000000)
     static inline int observer_rt_bits(uint64_t number) { return number ? 64 - __builtin_clzll(number) : 0; }
     """
+    const int64_t EXTENDED_KEY  # added to the id of a frame for its key, as by bus.can_frame.frame_key
+    const int64_t BUS_KEY  # for each bus before its own
+    const int64_t LARGEST_LATENCY  # ns: longer ago a frame was recorded, not received
     int observer_rt_bits(uint64_t number) noexcept nogil
 
 cdef extern from "<time.h>" nogil:
@@ -108,7 +121,7 @@ cdef struct Pumped:
     iovec* vectors
 
 
-cdef bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
+cdef inline bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
     """Pump until asked to stop, or until Python must do something first: True. Call it again then.
 
     wake: descriptor written to when something happened that Python waits for.
@@ -135,7 +148,7 @@ cdef bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
         _receive(pump)
 
 
-cdef void _send_results(Pumped* pump, Publisher* publisher) noexcept nogil:
+cdef inline void _send_results(Pumped* pump, Publisher* publisher) noexcept nogil:
     """Send the frames that the publisher has ready; frames without room wait, and the oldest are given up."""
     cdef uint8_t* frame
     cdef OutFrame* row
@@ -158,7 +171,7 @@ cdef void _send_results(Pumped* pump, Publisher* publisher) noexcept nogil:
         _send_waiting(pump)
 
 
-cdef void _send_waiting(Pumped* pump) noexcept nogil:
+cdef inline void _send_waiting(Pumped* pump) noexcept nogil:
     """Send in order, as far as there is room; frames that wait when the bus goes down would be old afterwards."""
     memory = pump.memory
     bus = &pump.buses[memory.bus]
@@ -174,7 +187,7 @@ cdef void _send_waiting(Pumped* pump) noexcept nogil:
     memory.first_waiting = memory.end_waiting
 
 
-cdef void _sleep(Pumped* pump, Pipeline* pipeline) noexcept nogil:
+cdef inline void _sleep(Pumped* pump, Pipeline* pipeline) noexcept nogil:
     """Sleep until the frame is due that completes a block of rates, if others come before, by the last block."""
     cdef timespec length
     cdef int64_t samples, left
@@ -191,7 +204,7 @@ cdef void _sleep(Pumped* pump, Pipeline* pipeline) noexcept nogil:
         nanosleep(&length, NULL)
 
 
-cdef void _receive(Pumped* pump) noexcept nogil:
+cdef inline void _receive(Pumped* pump) noexcept nogil:
     """Wait for frames of any bus, and take those that are there."""
     cdef bint is_late = pump.memory.first_waiting < pump.memory.end_waiting
     cdef int64_t number
@@ -209,7 +222,7 @@ cdef void _receive(Pumped* pump) noexcept nogil:
             _fill(pump, number, MSG_DONTWAIT)
 
 
-cdef void _fill(Pumped* pump, int64_t number, int flags) noexcept nogil:
+cdef inline void _fill(Pumped* pump, int64_t number, int flags) noexcept nogil:
     """Take a batch of frames of a bus."""
     cdef int got, error
     cdef int64_t place
@@ -227,7 +240,7 @@ cdef void _fill(Pumped* pump, int64_t number, int flags) noexcept nogil:
         bus.failure = error
 
 
-cdef int64_t _earliest(Pumped* pump) noexcept nogil:
+cdef inline int64_t _earliest(Pumped* pump) noexcept nogil:
     """The bus whose next frame is the earliest of those that wait; -1: none waits."""
     cdef int64_t number, earliest = -1
     for number in range(pump.bus_count):
@@ -244,7 +257,7 @@ cdef int64_t _earliest(Pumped* pump) noexcept nogil:
     return earliest
 
 
-cdef void _note_stamp(Pumped* pump, int64_t number) noexcept nogil:
+cdef inline void _note_stamp(Pumped* pump, int64_t number) noexcept nogil:
     """The stamp of a bus's next frame, and what the kernel says of lost ones."""
     cdef int64_t stamp = 0, place, by_kernel, by_interface
     cdef int64_t[6] times
@@ -282,7 +295,7 @@ cdef void _note_stamp(Pumped* pump, int64_t number) noexcept nogil:
     bus.stamp = stamp if stamp != 0 else now(CLOCK_REALTIME)
 
 
-cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept nogil:
+cdef inline bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept nogil:
     """Take the next frame of a bus through the pipeline: whether Python must do something first."""
     cdef uint32_t identifier
     cdef int64_t place, length, key, stamp, published = pipeline.publisher.memory.published
@@ -316,7 +329,7 @@ cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept
     return waits
 
 
-cdef void _note_latency(Pumped* pump, int64_t latency) noexcept nogil:
+cdef inline void _note_latency(Pumped* pump, int64_t latency) noexcept nogil:
     """Note the latency of rates [ns], from the stamp of the frame that caused them until they are sent."""
     cdef int64_t bits, place = 0
     if not 0 <= latency < LARGEST_LATENCY:  # a recording, or a clock that was set
@@ -328,7 +341,7 @@ cdef void _note_latency(Pumped* pump, int64_t latency) noexcept nogil:
     pump.memory.largest_latency = max(pump.memory.largest_latency, latency)
 
 
-cdef void _note_arrival(Pumped* pump, int64_t key) noexcept nogil:
+cdef inline void _note_arrival(Pumped* pump, int64_t key) noexcept nogil:
     """Note when a watched frame came, once its rates are sent, for asking for the time may be a system call."""
     cdef int64_t watched
     for watched in range(pump.arrival_count):
@@ -339,7 +352,7 @@ cdef void _note_arrival(Pumped* pump, int64_t key) noexcept nogil:
             break
 
 
-cdef void _note_error(
+cdef inline void _note_error(
     Pumped* pump, int64_t number, uint32_t identifier, const uint8_t* data, int64_t length
 ) noexcept nogil:
     """Keep an error frame for Python."""
@@ -351,14 +364,14 @@ cdef void _note_error(
     bus.errors += 1
 
 
-cdef int64_t now(int clock) noexcept nogil:
+cdef inline int64_t now(int clock) noexcept nogil:
     """Time of a clock [ns]."""
     cdef timespec read
     clock_gettime(clock, &read)
     return read.tv_sec * NANOSECONDS + read.tv_nsec
 
 
-cdef void _wake_python(Pumped* pump, Observer* observer, int wake) noexcept nogil:
+cdef inline void _wake_python(Pumped* pump, Observer* observer, int wake) noexcept nogil:
     """Wake Python when something happened that it waits for."""
     cdef uint64_t once = 1
     cdef int64_t number, reported = observer.memory.counts.events_closed + observer.memory.judgement.events_taken

@@ -1,5 +1,26 @@
 # Pipeline from one received frame to the frames it causes: check, decode, align, observe, publish.
 
+from libc.math cimport INFINITY, fmax, fmin, isnan
+from libc.stdint cimport int64_t, uint8_t
+
+from observer_rt.core.frames.alignment cimport decide, store
+from observer_rt.core.frames.codec cimport decode, is_selected, value_between
+from observer_rt.core.frames.e2e cimport (
+    E2E_CRC_ERROR, E2E_INVALID, E2E_LENGTH_ERROR, E2E_OK, E2E_REPEATED, E2E_WRONG_SEQUENCE, UNPROTECTED, classify,
+    frame_counter, has_good_crc, supervise
+)
+from observer_rt.core.frames.frame_numbers cimport COUNT_OLD, COUNT_REPEATED
+from observer_rt.core.frames.inputs cimport take_inputs
+from observer_rt.core.frames.placing cimport PLACING_ACCEPTED, PLACING_OLD, PLACING_RESTARTED, place_block
+from observer_rt.core.frames.publisher cimport publish
+from observer_rt.core.frames.records cimport INDEX_MASK, MAX_INPUTS, InputGroup, InputMessage, Pipeline, Supervision
+from observer_rt.core.frames.resampling cimport follow
+from observer_rt.core.frames.timekeeping cimport (
+    JOINING_NEAREST, NUMBERING_E2E_COUNTER, NUMBERING_INDEX, begin_anew, doubt_of, has_place, note_frame,
+    number_frame, place_of
+)
+from observer_rt.core.stream.stream cimport advance_stream, take_recorded
+
 
 cdef inline bint handle(
     Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp
@@ -11,7 +32,9 @@ cdef inline bint handle(
     return listen(pipeline, key, payload, size, stamp) and proceed(pipeline)
 
 
-cdef bint listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
+cdef inline bint listen(
+    Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp
+) noexcept nogil:
     """Take one frame as `handle` does, but observe nothing; whether it is an input's, whose samples go into the ring."""
     for number in range(pipeline.inputs.message_count):
         if pipeline.inputs.messages[number].key == key:
@@ -20,7 +43,7 @@ cdef bint listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_
     return False
 
 
-cdef bint proceed(Pipeline* pipeline) noexcept nogil:
+cdef inline bint proceed(Pipeline* pipeline) noexcept nogil:
     """Observe the samples that are aligned, and publish their rates.
 
     Returns True when to go on it needs a new model or the command of a needle without a lift (`InputMemory`), or the
@@ -36,7 +59,9 @@ cdef bint proceed(Pipeline* pipeline) noexcept nogil:
     return waiting
 
 
-cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
+cdef inline void _take(
+    Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t size, int64_t stamp
+) noexcept nogil:
     """Check, decode and align one frame of an input message; what fails a check is counted and dropped."""
     message = &pipeline.inputs.messages[number]
     pipeline.receiver.frames += message.group_count > 0
@@ -52,7 +77,7 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
             take_recorded(pipeline.observer, decided, doubt_of(&pipeline.keeping))
 
 
-cdef int64_t check_frame(
+cdef inline int64_t check_frame(
     const uint8_t* payload, int64_t size, const InputMessage* message, Supervision* supervised
 ) noexcept nogil:
     """E2EStatus of a frame by its length and its protection, which takes note of it; OK without protection."""
@@ -86,7 +111,9 @@ cdef inline bint _is_refused(Pipeline* pipeline, int64_t number, int64_t size, i
     return True
 
 
-cdef bint _take_samples(Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t stamp) noexcept nogil:
+cdef inline bint _take_samples(
+    Pipeline* pipeline, int64_t number, const uint8_t* payload, int64_t stamp
+) noexcept nogil:
     """Decode and align the samples of a checked frame; False if none of them has a place."""
     cdef bint follows, restarted = False
     cdef int64_t carried = 0, placed = 0  # bits of streams
@@ -127,7 +154,7 @@ cdef inline void _note_interruptions(
             pipeline.receiver.interrupted[stream] = 1
 
 
-cdef int64_t _take_group(
+cdef inline int64_t _take_group(
     Pipeline* pipeline, const InputGroup* group, const uint8_t* payload, int64_t counter, bint contiguous,
     int64_t stamp
 ) noexcept nogil:
@@ -156,7 +183,9 @@ cdef int64_t _take_group(
     return placing
 
 
-cdef int64_t _raw_index(Pipeline* pipeline, const InputGroup* group, int64_t counter, int64_t stamp) noexcept nogil:
+cdef inline int64_t _raw_index(
+    Pipeline* pipeline, const InputGroup* group, int64_t counter, int64_t stamp
+) noexcept nogil:
     """Index of the group's first sample as sent or, where none is sent, as counted; -1: the frame is dropped."""
     keeping, stream = &pipeline.keeping, group.stream
     timing = &keeping.timing[stream]
@@ -186,7 +215,9 @@ cdef int64_t _raw_index(Pipeline* pipeline, const InputGroup* group, int64_t cou
     return raw_index
 
 
-cdef void _store(Pipeline* pipeline, const InputGroup* group, const uint8_t* payload, int64_t start) noexcept nogil:
+cdef inline void _store(
+    Pipeline* pipeline, const InputGroup* group, const uint8_t* payload, int64_t start
+) noexcept nogil:
     """Put the decoded samples of a group, from the index `start` on, onto the grid, and note how far they reach."""
     receiver = pipeline.receiver
     roles = pipeline.inputs.streams[group.stream].roles

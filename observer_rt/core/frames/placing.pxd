@@ -3,11 +3,20 @@
 # Of a repeated block the first wins. An older one is dropped, but several in a row are of a device that began anew, as
 # is an index that jumps to 0 from further ahead than blocks are kept for.
 
+from libc.stdint cimport int64_t
+
+from observer_rt.core.frames.alignment cimport PATIENCE, SLOTS, decide_until
+from observer_rt.core.frames.records cimport INDEX_MASK, Alignment
+from observer_rt.core.stream.state cimport BREAK_RESTART
+
+cdef enum:  # Placing
+    PLACING_ACCEPTED, PLACING_REPEATED, PLACING_OLD, PLACING_RESTARTED
+
 cdef enum:
     OLD_BLOCKS_OF_RESTART = 3  # consecutive ones that mean: the device began anew, its first blocks were lost
 
 
-cdef int64_t place_block(
+cdef inline int64_t place_block(
     Alignment* alignment, int64_t message, int64_t raw_index, int64_t count, bint contiguous, int64_t* first
 ) noexcept nogil:
     """Where a block of `count` samples belongs: Placing; first: unwrapped index of its first sample.
@@ -43,7 +52,7 @@ cdef int64_t place_block(
     return placing
 
 
-cdef int64_t _unwrapped(Alignment* alignment, int64_t message, int64_t raw_index) noexcept nogil:
+cdef inline int64_t _unwrapped(Alignment* alignment, int64_t message, int64_t raw_index) noexcept nogil:
     """The index nearest to the expected one that equals `raw_index` modulo 2^32."""
     cdef int64_t expected = 0
     memory = alignment.memory
@@ -67,7 +76,7 @@ cdef int64_t _unwrapped(Alignment* alignment, int64_t message, int64_t raw_index
     return expected + ahead
 
 
-cdef void _extend(Alignment* alignment, int64_t message, int64_t start, int64_t count) noexcept nogil:
+cdef inline void _extend(Alignment* alignment, int64_t message, int64_t start, int64_t count) noexcept nogil:
     memory = alignment.memory
     stream = &alignment.streams[message]
     stream.last_start, stream.next_index = start, start + count
@@ -75,7 +84,7 @@ cdef void _extend(Alignment* alignment, int64_t message, int64_t start, int64_t 
         memory.newest = max(memory.newest, stream.next_index)
 
 
-cdef void _begin_stream(Alignment* alignment, int64_t message, int64_t start, int64_t count) noexcept nogil:
+cdef inline void _begin_stream(Alignment* alignment, int64_t message, int64_t start, int64_t count) noexcept nogil:
     stream = &alignment.streams[message]
     _extend(alignment, message, start, count)
     stream.seen = True
@@ -85,7 +94,7 @@ cdef void _begin_stream(Alignment* alignment, int64_t message, int64_t start, in
     stream.old_blocks = 0
 
 
-cdef int64_t _place_old(
+cdef inline int64_t _place_old(
     Alignment* alignment, int64_t message, int64_t start, int64_t count, int64_t raw_index
 ) noexcept nogil:
     """`Placing` of a block from before the expected index: repeated, old, or the device began anew."""
@@ -102,7 +111,7 @@ cdef int64_t _place_old(
     return PLACING_OLD
 
 
-cdef void _begin_anew(Alignment* alignment, int64_t message) noexcept nogil:
+cdef inline void _begin_anew(Alignment* alignment, int64_t message) noexcept nogil:
     """The message's device counts from a new index: where that is the grid, forget what waits in every message."""
     memory = alignment.memory
     memory.restarts += 1

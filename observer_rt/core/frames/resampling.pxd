@@ -7,14 +7,26 @@
 # A lift stays as it was sampled, with the time by which that was later: straight lines would cut off the corners of its
 # ramps, which at 20 kHz is worth up to 3 % of the mass.
 
+from libc.math cimport ceil, floor
+from libc.stdint cimport int64_t
+
+from observer_rt.core.frames.alignment cimport IMPOSSIBLE, SLOTS, store
+from observer_rt.core.frames.records cimport MAX_INPUTS, Alignment, Follower
+from observer_rt.core.stream.state cimport LIFT
+
 cdef enum:
     SHUT = 4  # samples of a closed needle, from which on it is surely at rest
 
-cdef double MISSED = 1.5  # spacings between two samples, from which on some are missing between them
-cdef double SLIP = 0.1  # samples by which a lift may drift off the sample it belongs to while the needle moves
+cdef extern from *:
+    """
+    #define MISSED 1.5
+    #define SLIP 0.1
+    """
+    const double MISSED  # spacings between two samples, from which on some are missing between them
+    const double SLIP  # samples by which a lift may drift off the sample it belongs to while the needle moves
 
 
-cdef void follow(Alignment* alignment, int64_t message, double position, const double* values) noexcept nogil:
+cdef inline void follow(Alignment* alignment, int64_t message, double position, const double* values) noexcept nogil:
     """Take one sample of a follower: where it lies on the grid, and its values (MAX_INPUTS,) [SI].
 
     A sample without a value, not after the last one, or far ahead of the grid, is left out.
@@ -52,7 +64,7 @@ cdef void follow(Alignment* alignment, int64_t message, double position, const d
         follower.values[role] = values[role]
 
 
-cdef void _follow_lift(
+cdef inline void _follow_lift(
     Alignment* alignment, Follower* follower, double position, double lift, int64_t first
 ) noexcept nogil:
     """Store the lift [m] of a follower at `position`, and those missed before it, from the index `first` on.
@@ -79,7 +91,7 @@ cdef void _follow_lift(
     follower.lift_row, follower.lift_after = row, after
 
 
-cdef int64_t _end_of_grid(Alignment* alignment) noexcept nogil:
+cdef inline int64_t _end_of_grid(Alignment* alignment) noexcept nogil:
     """The index beyond all samples on the grid."""
     memory = alignment.memory
     cdef int64_t end = 0
@@ -89,7 +101,7 @@ cdef int64_t _end_of_grid(Alignment* alignment) noexcept nogil:
     return end
 
 
-cdef void _begin_follower(Follower* follower, double position) noexcept nogil:
+cdef inline void _begin_follower(Follower* follower, double position) noexcept nogil:
     """Begin a follower anew, of which nothing is known before this sample."""
     if not follower.begun:
         follower.first_index = <int64_t> ceil(position)

@@ -1,16 +1,28 @@
 # Optional inputs while frames are taken: values that count until they are too old, readings that wait for Python.
 
+from libc.math cimport NAN, isnan
+from libc.stdint cimport int64_t, uint8_t
 
-cpdef enum:
+from observer_rt.core.frames.codec cimport decode, is_selected
+from observer_rt.core.frames.e2e cimport E2E_INITIAL, E2E_OK, E2E_REPEATED
+from observer_rt.core.frames.records cimport SURROUNDINGS, InputMemory, Inputs
+from observer_rt.core.stream.state cimport INJECTIONS, MASK, Observer
+from observer_rt.core.stream.validity cimport REASON_INPUT_STALE, REASON_NONE
+
+cdef enum:
     LEARNING_ENABLE = 0  # number of the optional role
     READINGS = 4096  # that wait: 0.8 s of blocks of 20 levels at 100 kHz
 
+cdef extern from *:
+    """
+    #define GRACE 1.0
+    #define PERIOD 0.1
+    """
+    const double GRACE  # s a value still counts after its sender said that it has none
+    const double PERIOD  # s between two changes of the model
 
-cdef double GRACE = 1.0  # s a value still counts after its sender said that it has none
-cdef double PERIOD = 0.1  # s between two changes of the model
 
-
-cdef void take_inputs(
+cdef inline void take_inputs(
     InputMemory* input_memory, const Inputs* inputs, Observer* observer, int64_t number, const uint8_t* payload, int64_t status, int64_t stamp
 ) noexcept nogil:
     """Take the optional inputs in a good frame of a message, before its samples; absent values grow older with these.
@@ -30,7 +42,7 @@ cdef void take_inputs(
     _take_effect(input_memory, inputs, observer)
 
 
-cdef void _grow_older(InputMemory* input_memory, Observer* observer) noexcept nogil:
+cdef inline void _grow_older(InputMemory* input_memory, Observer* observer) noexcept nogil:
     """Let values grow older by the time of the samples, whose index may begin anew."""
     memory = input_memory.memory
     received = observer.memory.positions.received
@@ -45,7 +57,7 @@ cdef void _grow_older(InputMemory* input_memory, Observer* observer) noexcept no
     memory.newest = index
 
 
-cdef void _read(
+cdef inline void _read(
     InputMemory* input_memory, const Inputs* inputs, Observer* observer, int64_t n, const uint8_t* payload, int64_t stamp
 ) noexcept nogil:
     """Decode the input `n`: keep its value, or have its reading wait for Python."""
@@ -82,7 +94,7 @@ cdef void _read(
             newest.value = values[k]
 
 
-cdef void _take_effect(InputMemory* input_memory, const Inputs* inputs, Observer* observer) noexcept nogil:
+cdef inline void _take_effect(InputMemory* input_memory, const Inputs* inputs, Observer* observer) noexcept nogil:
     """Apply the values that count now: whether to learn, and the surroundings that the model should have.
 
     The model changes outside events only; nothing is valid while one of its surroundings is not known.

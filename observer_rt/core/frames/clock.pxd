@@ -5,35 +5,49 @@
 # one-way delays in packet networks: Moon, Skelly, Towsley, INFOCOM 1999) gives offset and drift of the clock, whatever
 # jitter lies above it. How far these lowest stamps scatter about the line is what is not known of the clock.
 
+from libc.math cimport INFINITY
+from libc.stdint cimport int64_t
+
+from observer_rt.core.frames.records cimport POINTS, Clock
 
 cdef enum:
     ENOUGH_POINTS = 4  # from which on the line is trusted
 
+cdef extern from *:
+    """
+    #define WINDOW 0.2e9
+    #define MAX_DRIFT 500e-6
+    #define CLOCK_STEP 1e6
+    #define PROMPT 2e3
+    #define FEW_PROMPT (1.0 / 3.0)
+    #define LEAST_OF_DELAYS 0.75
+    #define USUAL_GAIN 0.25
+    #define FEW_TOGETHER 0.1
+    """
+    const double WINDOW  # ns
+    const double MAX_DRIFT  # of any clock worth the name; more is a wrong sample rate in the bench file
+    const double CLOCK_STEP  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
+    const double PROMPT  # ns of delay, within which a frame came without waiting
+    const double FEW_PROMPT  # share of such frames, below which it is not sure that any did
+    # Share of the mean delay that even the quickest frame of a window may have waited, where few frames are prompt; added
+    # to `residual`. Batches that beat with the cycle come so.
+    const double LEAST_OF_DELAYS
+    const double USUAL_GAIN  # weight of a window's greatest delay in the usual one
+    const double FEW_TOGETHER  # share of frames closer than a bus can carry them, above which they came in batches
 
-cdef double WINDOW = 0.2e9  # ns
-cdef double MAX_DRIFT = 500e-6  # of any clock worth the name; more is a wrong sample rate in the bench file
-cdef double CLOCK_STEP = 1e6  # ns that the lowest stamps of a window may leave the line by before the clock counts as set anew
-cdef double PROMPT = 2e3  # ns of delay, within which a frame came without waiting
-cdef double FEW_PROMPT = 1.0 / 3.0  # share of such frames, below which it is not sure that any did
-# Share of the mean delay that even the quickest frame of a window may have waited, where few frames are prompt; added
-# to `residual`. Batches that beat with the cycle come so.
-cdef double LEAST_OF_DELAYS = 0.75
-cdef double USUAL_GAIN = 0.25  # weight of a window's greatest delay in the usual one
-cdef double FEW_TOGETHER = 0.1  # share of frames closer than a bus can carry them, above which they came in batches
 
-
-cdef void forget(Clock* clock) noexcept nogil:
+cdef inline void forget(Clock* clock) noexcept nogil:
     """Begin anew: the index or the stamps no longer continue those before."""
     clock.begun, clock.points, clock.residual = False, 0, INFINITY
     clock.offset = clock.drift = clock.spread = clock.latest = clock.usual = clock.raised = 0.0
 
 
-cdef double excess(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
+cdef inline double excess(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
     """ns by which a stamp lies after the nominal time of the sample `index`."""
     return (stamp - clock.first_stamp) - (index - clock.first_index) * clock.interval
 
 
-cdef double delay_of(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
+cdef inline double delay_of(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
     """ns by which a stamp lies above the line; 0 for the first one."""
     if not clock.begun:
         return 0.0
@@ -41,7 +55,7 @@ cdef double delay_of(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
     return excess(clock, index, stamp) - line
 
 
-cdef bint take_stamp(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
+cdef inline bint take_stamp(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
     """Note that the frame whose last sample is `index` was received at `stamp` [ns].
 
     True when that ended a window, so that line, residual and spread are new.
@@ -76,25 +90,25 @@ cdef bint take_stamp(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
     return True
 
 
-cdef double time_of(Clock* clock, double index, int64_t epoch) noexcept nogil:
+cdef inline double time_of(Clock* clock, double index, int64_t epoch) noexcept nogil:
     """Time [ns after the stamp `epoch`] at which the frame that ends in sample `index` came, had it no jitter."""
     place = index - clock.first_index
     return (clock.first_stamp - epoch) + clock.offset + place * (clock.interval + clock.drift)
 
 
-cdef double index_at(Clock* clock, double time, int64_t epoch) noexcept nogil:
+cdef inline double index_at(Clock* clock, double time, int64_t epoch) noexcept nogil:
     """The inverse of `time_of`: the sample, with its fraction, at a time [ns after the stamp `epoch`]."""
     since = time - (clock.first_stamp - epoch) - clock.offset
     return clock.first_index + since / (clock.interval + clock.drift)
 
 
-cdef void _open_window(Clock* clock, double start) noexcept nogil:
+cdef inline void _open_window(Clock* clock, double start) noexcept nogil:
     clock.window_end, clock.lowest = start + WINDOW, INFINITY
     clock.latest = clock.waited = 0.0
     clock.frames = clock.prompt = clock.together = 0
 
 
-cdef void _close_window(Clock* clock, double now) noexcept nogil:
+cdef inline void _close_window(Clock* clock, double now) noexcept nogil:
     """Take the lowest stamp of the window into the line, or begin a new line when it does not belong to it."""
     off_line = clock.lowest - clock.offset - clock.drift * clock.lowest_at
     clock.raised = off_line if clock.points >= ENOUGH_POINTS else 0.0
@@ -119,7 +133,7 @@ cdef void _close_window(Clock* clock, double now) noexcept nogil:
     _open_window(clock, now)
 
 
-cdef void _draw_line(Clock* clock) noexcept nogil:
+cdef inline void _draw_line(Clock* clock) noexcept nogil:
     """The edge of the lower convex hull under the middle of the points, and how far the points are from it."""
     cdef double x[POINTS]
     cdef double y[POINTS]
@@ -152,7 +166,7 @@ cdef void _draw_line(Clock* clock) noexcept nogil:
         clock.residual = distances[order[3 * count // 4]]
 
 
-cdef void ascending(const double* values, int64_t count, int64_t* order) noexcept nogil:
+cdef inline void ascending(const double* values, int64_t count, int64_t* order) noexcept nogil:
     """Places of a few values in ascending order, equal ones as they come."""
     cdef int64_t k, i, place
     for k in range(count):
@@ -163,6 +177,6 @@ cdef void ascending(const double* values, int64_t count, int64_t* order) noexcep
         order[i] = place
 
 
-cdef bint _is_above(const double* x, const double* y, int64_t a, int64_t b, int64_t c) noexcept nogil:
+cdef inline bint _is_above(const double* x, const double* y, int64_t a, int64_t b, int64_t c) noexcept nogil:
     """Whether point b lies on or above the straight line from a to c."""
     return (y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a])

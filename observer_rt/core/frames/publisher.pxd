@@ -1,12 +1,20 @@
 # Publishes samples of the observer in injection-rate frames: every index once, in blocks that carry their index.
 
+from libc.math cimport NAN
+from libc.stdint cimport int64_t
+from libc.string cimport memset
 
-cpdef enum:
+from observer_rt.core.frames.codec cimport encode
+from observer_rt.core.frames.e2e cimport protect
+from observer_rt.core.frames.records cimport INDEX_MASK, LONGEST_FRAME, Publisher
+from observer_rt.core.stream.state cimport BREAK_RESTART, MASK, STATE_DEGRADED, Observer
+
+cdef enum:
     FRAMES = 512  # capacity for results
     FULL = FRAMES // 4  # ready, beyond which there is room for those of one input frame only, which are far fewer
 
 
-cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:
+cdef inline void publish(Publisher* publisher, Observer* observer) noexcept nogil:
     """Make frames of all blocks that the samples processed since the last call complete."""
     memory = publisher.memory
     samples = memory.samples
@@ -32,7 +40,7 @@ cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:
             flush(publisher)
 
 
-cdef void flush(Publisher* publisher) noexcept nogil:
+cdef inline void flush(Publisher* publisher) noexcept nogil:
     """Make a frame of the block under way, if there is one; it is not valid if anything is missing of it."""
     cdef bint is_complete
     memory = publisher.memory
@@ -54,7 +62,7 @@ cdef void flush(Publisher* publisher) noexcept nogil:
     memory.frames += 1
 
 
-cdef void _put(Publisher* publisher, int64_t place, double value) noexcept nogil:
+cdef inline void _put(Publisher* publisher, int64_t place, double value) noexcept nogil:
     """Write one signal of the header, where the message has it."""
     if place >= 0:
         publisher.values[place] = value

@@ -1,6 +1,10 @@
 # AUTOSAR end-to-end protection at the start of a frame, and the receiver's state machine: see bus.database.e2e.
 
-cpdef enum:
+from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t, uint8_t
+
+from observer_rt.core.frames.records cimport Protection, Supervision
+
+cdef enum:
     UNPROTECTED = 0
     PROFILE_1 = 1
     PROFILE_5 = 5
@@ -24,11 +28,17 @@ cdef enum:  # E2EState: of the receiver's state machine, over the frames of a pr
     E2E_VALID = 2
     E2E_INVALID = 3
 
-cdef uint8_t CRC8_TABLE[256]
-cdef uint16_t CRC16_TABLE[256]
+cdef extern from *:
+    """
+    #include <stdint.h>
+    static uint8_t CRC8_TABLE[256];
+    static uint16_t CRC16_TABLE[256];
+    """
+    uint8_t[256] CRC8_TABLE  # of every module its own: it calls `fill_crc_tables` before it computes a CRC
+    uint16_t[256] CRC16_TABLE
 
 
-cdef void fill_crc_tables() noexcept nogil:
+cdef inline void fill_crc_tables() noexcept nogil:
     """Remainders of every byte: polynomials 0x1D and 0x1021."""
     cdef uint64_t by_8, by_16
     cdef int byte
@@ -40,10 +50,7 @@ cdef void fill_crc_tables() noexcept nogil:
         CRC8_TABLE[byte], CRC16_TABLE[byte] = <uint8_t> by_8, <uint16_t> by_16
 
 
-fill_crc_tables()
-
-
-cdef uint32_t crc16(const uint8_t* payload, int64_t length, int64_t data_id) noexcept nogil:
+cdef inline uint32_t crc16(const uint8_t* payload, int64_t length, int64_t data_id) noexcept nogil:
     """CRC of profile 5 over the first `length` bytes of `payload` (at least 3) and the 16-bit `data_id`."""
     cdef uint32_t crc = 0xFFFF
     for i in range(<int64_t> CRC_BYTES, length):
@@ -56,7 +63,7 @@ cdef inline uint32_t _add_byte(uint32_t crc, int64_t byte) noexcept nogil:
     return ((crc << 8) & 0xFF00) ^ CRC16_TABLE[((crc >> 8) ^ byte) & 0xFF]
 
 
-cdef uint8_t crc8(const uint8_t* payload, int64_t length, int64_t data_id) noexcept nogil:
+cdef inline uint8_t crc8(const uint8_t* payload, int64_t length, int64_t data_id) noexcept nogil:
     """CRC of profile 1 over the first `length` bytes of `payload` (at least 2) and the 16-bit `data_id`."""
     cdef uint8_t crc = CRC8_TABLE[CRC8_TABLE[data_id & 0xFF] ^ ((data_id >> 8) & 0xFF)]
     for i in range(<int64_t> NIBBLE_BYTE, length):
@@ -64,17 +71,19 @@ cdef uint8_t crc8(const uint8_t* payload, int64_t length, int64_t data_id) noexc
     return crc
 
 
-cdef int64_t counter_values(int64_t profile) noexcept nogil:
+cdef inline int64_t counter_values(int64_t profile) noexcept nogil:
     """How many values the counter of a profile takes before it begins again at 0."""
     return 15 if profile == PROFILE_1 else 256
 
 
-cdef int64_t shortest_frame(int64_t profile) noexcept nogil:
+cdef inline int64_t shortest_frame(int64_t profile) noexcept nogil:
     """Bytes that CRC and counter of a profile take."""
     return 2 if profile == PROFILE_1 else 3
 
 
-cdef void protect(uint8_t* payload, int64_t length, const Protection* protection, int64_t counter) noexcept nogil:
+cdef inline void protect(
+    uint8_t* payload, int64_t length, const Protection* protection, int64_t counter
+) noexcept nogil:
     """Write the counter of the message's `counter`-th frame and then the CRC, in place; nothing without protection."""
     profile = protection.profile
     counter %= counter_values(profile)
@@ -87,7 +96,7 @@ cdef void protect(uint8_t* payload, int64_t length, const Protection* protection
         payload[0], payload[1] = <uint8_t> crc, <uint8_t> (crc >> 8)
 
 
-cdef bint has_good_crc(
+cdef inline bint has_good_crc(
     const uint8_t* payload, int64_t size, int64_t length, const Protection* protection
 ) noexcept nogil:
     """Whether the CRC in a frame of `size` bytes is that of its first `length` and its data id.
@@ -107,14 +116,14 @@ cdef bint has_good_crc(
     return payload[0] == (crc & 0xFF) and payload[1] == crc >> 8
 
 
-cdef int64_t frame_counter(const uint8_t* payload, int64_t profile) noexcept nogil:
+cdef inline int64_t frame_counter(const uint8_t* payload, int64_t profile) noexcept nogil:
     """Counter of a frame whose length was checked; 0 for an unprotected message."""
     if profile == PROFILE_1:
         return payload[NIBBLE_BYTE] & 0x0F
     return payload[COUNTER_BYTE] if profile == PROFILE_5 else 0
 
 
-cdef int64_t classify(int64_t counter, int64_t last_counter, int64_t profile) noexcept nogil:
+cdef inline int64_t classify(int64_t counter, int64_t last_counter, int64_t profile) noexcept nogil:
     """E2EStatus of a frame with a good CRC, by its counter and the last one, -1: there was none."""
     cdef int64_t values, delta
     if last_counter < 0:
@@ -130,7 +139,7 @@ cdef int64_t classify(int64_t counter, int64_t last_counter, int64_t profile) no
     return E2E_OK_SOME_LOST if delta <= min(<int64_t> MAX_COUNTER_STEP, values // 2) else E2E_WRONG_SEQUENCE
 
 
-cdef void supervise(Supervision* memory, int64_t status) noexcept nogil:
+cdef inline void supervise(Supervision* memory, int64_t status) noexcept nogil:
     """Take one frame of a message into its state machine (AUTOSAR E2E_SMCheck).
 
     Frames that are no error and do not follow count as neither: they only take the place of those that are OK.
@@ -152,22 +161,3 @@ cdef void supervise(Supervision* memory, int64_t status) noexcept nogil:
         memory.state = E2E_VALID
     elif memory.state == E2E_VALID or not has_few_errors:
         memory.state = E2E_INVALID
-
-
-cdef bint is_selected(
-    const uint8_t* payload, const Selection* selection, int64_t first, int64_t count
-) noexcept nogil:
-    """Whether a frame meets the conditions in rows [first, first + count) of `selection`."""
-    cdef int64_t row = first, end = first + count, selector
-    cdef uint64_t bits
-    cdef bint is_met
-    while row < end:
-        selector = selection.conditions[row].selector
-        bits = field_bits(payload, &selection.selectors[selector])
-        is_met = False
-        while row < end and selection.conditions[row].selector == selector:
-            is_met |= selection.conditions[row].value == bits
-            row += 1
-        if not is_met:
-            return False
-    return True

@@ -56,10 +56,7 @@ cdef inline double delay_of(Clock* clock, int64_t index, int64_t stamp) noexcept
 
 
 cdef inline bint take_stamp(Clock* clock, int64_t index, int64_t stamp) noexcept nogil:
-    """Note that the frame whose last sample is `index` was received at `stamp` [ns].
-
-    True when that ended a window, so that line, residual and spread are new.
-    """
+    """Note that the frame with last sample `index` came at `stamp` [ns]; True if it ended a window: a new line."""
     if not clock.begun:
         clock.begun, clock.first_index, clock.first_stamp = True, index, stamp
         _open_window(clock, 0.0)

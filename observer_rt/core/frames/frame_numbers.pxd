@@ -37,10 +37,7 @@ cdef extern from *:
 
 
 cdef inline int64_t count_frame(Counting* counting, Clock* clock, int64_t sequence, int64_t stamp) noexcept nogil:
-    """Give a frame its `number`; returns how it was counted, `Count`.
-
-    sequence: its counter; the clock counts in samples.
-    """
+    """Give a frame its `number`, by its counter `sequence`; returns how it was counted, `Count`."""
     if not counting.begun:
         _count_anew(counting, sequence)
         return COUNT_NEXT

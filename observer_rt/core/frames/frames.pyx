@@ -311,10 +311,7 @@ cdef class PumpLoop:
         free(self.pump.vectors)
 
     def run(self, FramePath path, int wake) -> bool:
-        """Pump until asked to stop (False), or until Python must do something first; to be called again then.
-
-        wake: descriptor written to when something happened that Python waits for.
-        """
+        """Pump until asked to stop (False), or Python must act first, then call again; wake: descriptor for news."""
         cdef bint waits
         with nogil:
             waits = run_pump(&self.pump, &path.lent, wake)

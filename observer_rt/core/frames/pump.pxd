@@ -122,10 +122,7 @@ cdef struct Pumped:
 
 
 cdef inline bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
-    """Pump until asked to stop, or until Python must do something first: True. Call it again then.
-
-    wake: descriptor written to when something happened that Python waits for.
-    """
+    """Pump until asked to stop, or Python must act first (True), then call again; wake: descriptor for news."""
     memory = pump.memory
     cdef bint waits = proceed(pipeline)  # with what it waited for
     cdef int64_t bus

@@ -27,10 +27,7 @@ cdef extern from *:
 
 
 cdef inline void follow(Alignment* alignment, int64_t message, double position, const double* values) noexcept nogil:
-    """Take one sample of a follower: where it lies on the grid, and its values (MAX_INPUTS,) [SI].
-
-    A sample without a value, not after the last one, or far ahead of the grid, is left out.
-    """
+    """Take a sample of a follower: where it lies on the grid, and its values (MAX_INPUTS,) [SI], if it counts."""
     cdef bint missed
     memory = alignment.memory
     follower = &alignment.followers[message]

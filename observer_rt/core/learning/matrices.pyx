@@ -8,10 +8,7 @@ from numpy.linalg import LinAlgError
 
 
 def inverse_of(const double[:, :] matrix) -> tuple[NDArray[np.float64], float]:
-    """Inverse of a covariance or information (m, m), and half the logarithm of its determinant.
-
-    Raises numpy.linalg.LinAlgError when it is not positive definite, or not finite.
-    """
+    """Inverse of a matrix (m, m), and half its log determinant; numpy.linalg.LinAlgError if not positive definite."""
     cdef int64_t m = matrix.shape[0]
     cdef double[:, ::1] scratch = zeros((whole(m), whole(m)))
     cdef double[::1] row = empty(whole(m))

@@ -61,10 +61,7 @@ def sum_innovations(
     double[:, :] block_squares,
     double[:, :] blocks,
 ) -> None:
-    """Add the squares of innovations (n,) over sigma by their phase, and of means of blocks of so many (k,).
-
-    limit: on the size of an innovation, in units of sigma; left_out (n,): samples that are passed over.
-    """
+    """Add squares of innovations (n,) over sigma by phase, clipped to `limit` sigma, and of means of blocks (k,)."""
     cdef const unsigned char[:] is_left_out = left_out.view("u1")
     cdef double[::1] totals = zeros(lengths.shape[0])
     cdef int64_t[::1] counts = zeros(lengths.shape[0], "i8")

@@ -13,10 +13,7 @@ cdef double SPARE = 0.1  # of p_0, by which p_S may leave the range of the press
 cdef void move_end(
     double* x, Inputs mean, Inputs end, double step, const Coefficients* c, const Network* network, Tangent* t
 ) noexcept nogil:
-    """Move the end cell's pressure and p_S by a step [s], with the flow into the cell as it is.
-
-    mean, end: inputs over the step and at its end.
-    """
+    """Move the end cell's pressure and p_S by a step [s], its inflow held; mean, end: inputs over and at its end."""
     line = &c.line.wave
     cdef double half = 0.5 * step, before = x[0], soft = stiffness(x[0], &line.softness), sac = 0.0, middle
     cdef double[3] solved

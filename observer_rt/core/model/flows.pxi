@@ -161,10 +161,7 @@ cdef bint rate_slopes(
     const double* x, const Forced* forced, Tangent* t, int64_t m, double scale, FlowSlopes* flows, double* by_state,
     double* by_theta
 ) noexcept nogil:
-    """Derivatives of q_H, times a scale, by the first states (3,), and by theta (m,) at the end of an interval.
-
-    False, with nothing done, where nothing flows.
-    """
+    """Derivatives of q_H, scaled, by the first states (3,) and theta (m,) at the end; False where nothing flows."""
     cdef Inputs u = forced.interval.end
     cdef int64_t i, j
     u.area = max(u.area, 0.0)

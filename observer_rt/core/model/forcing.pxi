@@ -126,10 +126,7 @@ cdef bint is_shut_under_terms(const Forcing* f) noexcept nogil:
 
 
 cdef double trusted_under_terms(double innovation, double interval, Forcing* f) noexcept nogil:
-    """An innovation as the state is corrected by it, an interval [s] after the last: without what the sensor rings.
-
-    With it the gain would feed the resonance.
-    """
+    """An innovation as it corrects the state, less what the sensor rings: with that the gain fed the resonance."""
     if not f.past[PAST_OF_SENSOR] > 0.0:
         return innovation
     return without_ringing(f.program, f.first_of_sensor, f.rows, f.memory, innovation, interval / MILLISECOND)

@@ -52,10 +52,7 @@ cdef struct NeedleStroke:
 cdef inline bint answers(
     double start, double length, double pressure, const NeedleLaw* needle, const double* learned, NeedleStroke* s
 ) noexcept nogil:
-    """Whether a needle lifts for a command [s], and its stroke; pressure: of the rail, over 100 MPa.
-
-    learned (NEEDLE_NUMBERS,): in s, natural logarithms, m, s and shares.
-    """
+    """Whether a needle lifts for a command [s], and its stroke; pressure over 100 MPa; learned (NEEDLE_NUMBERS,)."""
     s.opening = start + needle.opening_delay * pow(pressure, -needle.delay_exponent) + learned[OPENING_DELAY]
     s.closing = start + length + needle.closing_delay + learned[CLOSING_DELAY]
     s.opening_speed = needle.opening_speed * pow(pressure, OPENING_EXPONENT) * exp(learned[OPENING_SPEED])

@@ -21,10 +21,7 @@ NOTHING_LEARNED = zeros(NEEDLE_NUMBERS)
 
 
 def stroke_of(double start, double length, double pressure, needle, learned=NOTHING_LEARNED) -> dict[str, float] | None:
-    """Stroke of a `NeedleLaw` with what was learned of it (NEEDLE_NUMBERS,) for a command [s]; None: it does not lift.
-
-    pressure: of the rail, over 100 MPa.
-    """
+    """Stroke of a `NeedleLaw` and its learned numbers for a command [s], at a pressure over 100 MPa, or None."""
     cdef NeedleLaw of_needle = needle._asdict()
     cdef const double[::1] numbers = learned
     cdef NeedleStroke s

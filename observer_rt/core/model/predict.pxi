@@ -31,10 +31,7 @@ cdef void _predict_gradient(
     Gradient* g, const LaggedSlopes* slopes, double late, double interval, const double* numbers, double rise,
     double shown, bint is_mean
 ) noexcept nogil:
-    """Advance the gradient through the sensor, of these numbers, by its slopes; its law is linear in the pressures.
-
-    rise: of the indicated pressure in this sample; shown: pressure recorded at a gain of 0.
-    """
+    """Advance the gradient through the linear sensor by its slopes; shown: pressure recorded at a gain of 0."""
     cdef int64_t parts = g.tangent.m // WIDTH, j, number
     cdef const Columns* first = <const Columns*> g.tangent.by
     cdef const Columns* last = first + (g.tangent.n - 1) * parts

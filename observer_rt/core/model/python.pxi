@@ -158,10 +158,7 @@ def rest_state(double[::1] x, double pressure, coefficients) -> None:
 
 
 def rates_of_change(x, u, coefficients, network, tangent=None) -> list[float]:
-    """x' = f(x, u) + phi(x, u) of (25)-(26) [1/s] of a lump, x (3,) or with its mean (4,).
-
-    tangent: its first stage becomes the derivatives.
-    """
+    """x' = f + phi of (25)-(26) [1/s] of a lump, x (3,) or (4,) with its mean; tangent: gets the derivatives."""
     cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)

@@ -71,10 +71,7 @@ cdef double above_100_mpa(double rail, const Coefficients* c) noexcept nogil:
 cdef bint follow_stroke(
     Strokes* s, int64_t position, double before, double area, double pressure, double interval, const Seat* seat
 ) noexcept nogil:
-    """Follow the strokes to a sample; whether it shows that the valve opened or shut, or did not shut.
-
-    before, area: normalised, of the sample before and of this one; pressure: of the rail over 100 MPa.
-    """
+    """Follow the strokes to a sample, by areas before and now; whether the valve opened, shut, or did not shut."""
     cdef double lifted
     cdef bint begins
     if not s.is_lifted and area <= 0.0:
@@ -150,10 +147,7 @@ cdef double valve_at(
 cdef servos_over(
     const double[:, :] inputs, const double[:, :] commands, int64_t samples, const Coefficients* c, double interval
 ):
-    """`Servo` at the first samples of a window, in rows (samples, 6); inputs (n, 2), of which n may be more.
-
-    commands (k, 2): as of `Window`, by which the valve goes where it does.
-    """
+    """`Servo` at the first samples of a window, in rows (samples, 6), by inputs (n, 2) and commands (k, 2)."""
     cdef double[:, ::1] result = zeros((samples, 2 + VALVE_NUMBERS))
     cdef double edge = valve_edge(&c.valve, interval), first, last
     cdef Strokes s

@@ -56,10 +56,7 @@ cdef inline double pull_in_middle(int64_t number, double step, double memory, do
 
 
 cdef inline double across_joint(double share, double far, double near) noexcept nogil:
-    """Inertia of a face or compliance of a cell, of which a share (0 to 1) is on the far side of the joint.
-
-    Inertances of parts of a face add up, volumes of parts of a cell do.
-    """
+    """Inertia of a face or compliance of a cell, a share (0 to 1) of it beyond the joint: series, or sum."""
     if share >= 1.0:
         return far
     if share <= 0.0:
@@ -301,10 +298,7 @@ cdef void _stress_end(double* x, int64_t cells, const WaveLine* line, Tangent* t
 cdef void _flow_row(
     Tangent* t, int64_t place, int64_t there, int64_t here, int64_t behind, double keep, double even, double push
 ) noexcept nogil:
-    """Move the derivatives of a face's flow; there: place of the pressure ahead, -1 of the rail's.
-
-    Row 0 of the scratch holds those of the flow ahead as it was.
-    """
+    """Move the derivatives of a face's flow; there: place of the pressure ahead, -1 of the rail's."""
     cdef double* ahead = t.moved
     cdef double* nothing = t.moved + t.m
     cdef const double* pressure = nothing if there < 0 else t.by + there * t.m

@@ -58,10 +58,7 @@ cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void forget_opening(Observer* observer) noexcept nogil:
-    """Take back the opening under way, and its event if it has no other; otherwise that event teaches nothing.
-
-    The caller sets since when the needle is shut.
-    """
+    """Take back the opening under way, and its event if it has no other; else that event teaches nothing."""
     memory = observer.memory
     under_way = &memory.event
     memory.counts.injections_begun -= 1

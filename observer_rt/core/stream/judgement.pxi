@@ -45,10 +45,7 @@ cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows
 
 
 cdef void follow_flow(Observer* observer, int64_t position) noexcept nogil:
-    """Add up what flows, and note whether it leaves the learned range.
-
-    A needle that falls shows nothing new.
-    """
+    """Add up the flow, and note whether it leaves the learned range; a needle that falls shows nothing new."""
     memory = observer.memory
     point, row = &memory.operating_point, &observer.ring[position & MASK]
     if memory.needle.is_open:

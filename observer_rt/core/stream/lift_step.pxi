@@ -27,10 +27,7 @@ cdef double BEYOND_SEAT = LOWEST  # m, from which the needle must have come down
 
 
 cdef inline void follow_step(Observer* observer, int64_t position, double share) noexcept nogil:
-    """At a sample of a needle at rest: look for a step of its lift, and have the zero follow it at once.
-
-    share: of the sample, with the one before it, in the quick mean.
-    """
+    """Look for a step of the lift of a needle at rest, for the zero to follow; share: of the sample in the mean."""
     memory = observer.memory
     lift_step, resting = &memory.lift_step, &memory.resting_lift
     lift = 0.5 * (observer.ring[position & MASK].lift + observer.ring[(position - 1) & MASK].lift)

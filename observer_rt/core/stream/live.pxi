@@ -223,10 +223,7 @@ cdef inline void _widen_beliefs(Live* live, const OperatingPoint* point) noexcep
 
 
 cdef double _rate_sigma(Stepping* s, const Sample* row, const double* by) noexcept nogil:
-    """Standard deviation of the rate with derivatives (NUMBERS,), in units of the nozzle's flow.
-
-    An injector that is as believed has the flow that events have shown.
-    """
+    """Standard deviation of the rate with derivatives (NUMBERS,), in units of the nozzle's flow."""
     cdef double seat, nozzle = 0.0
     bank, point = &s.live.bank, &s.observer.memory.operating_point
     covariance, shown = &bank.covariance[0][0], is_shown(point, row)

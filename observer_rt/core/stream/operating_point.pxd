@@ -19,8 +19,5 @@ cdef inline bint falls(const OperatingPoint* point, const Sample* row) noexcept 
 
 
 cdef inline bint is_shown(const OperatingPoint* point, const Sample* row) noexcept nogil:
-    """Whether events have shown the flow at a sample.
-
-    A needle that falls sooner than in all events is at a lift that none has shown.
-    """
+    """Whether events have shown the flow at a sample; a needle that falls sooner is at a lift of its own."""
     return point.in_learned_range and (point.up_until >= point.known_from or not falls(point, row))

@@ -126,10 +126,7 @@ cdef bint _is_wide_open(ObserverMemory* memory, double lift) noexcept nogil:
 
 
 cdef bint _was_let_go(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the lift leapt, some samples before a position, quicker than a needle from where it stayed, for good.
-
-    So leaps a lift that was held before noise was added to it.
-    """
+    """Whether the lift leapt for good before a position, quicker than a needle, as one that noise was added to."""
     cdef bint is_repeated
     memory = observer.memory
     band = &memory.dead_band

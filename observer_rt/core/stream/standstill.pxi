@@ -110,10 +110,7 @@ cdef double smoothing(double share, double again) noexcept nogil:
 cdef double square_of_difference(
     double a, double b, double c, double d, double e, double total, int64_t count, double smoothed
 ) noexcept nogil:
-    """Square of the fourth difference, a spike's limited to what the `count` squares before make plausible.
-
-    smoothed: factor by which interpolation has reduced it.
-    """
+    """Square of the fourth difference, a spike limited by the `count` before; smoothed: by interpolation."""
     square = (a - 4 * (b + d) + 6 * c + e) ** 2 / smoothed
     if count < _TRUSTED:
         return square

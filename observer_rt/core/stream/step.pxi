@@ -64,10 +64,7 @@ cdef inline void _append(
 
 
 cdef bint advance_stream(Observer* observer) noexcept nogil:
-    """Process every sample whose look-ahead is complete.
-
-    Returns True when it stopped because an event must be judged first (`waiting`).
-    """
+    """Process every sample whose look-ahead is complete; True if an event must be judged first (`waiting`)."""
     positions, mode = &observer.memory.positions, &observer.memory.mode
     if mode.draining:
         _release(observer, positions.recorded)

@@ -237,10 +237,7 @@ cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef double _predict_sample(Stepping* s, int64_t position, Gradient* gradient) noexcept nogil:
-    """Predict x~ from the sample before, with the valve as it is in the samples' rows; returns as `_predict`.
-
-    gradient: carried along, NULL: none.
-    """
+    """Predict x~ from the sample before, with the valve as rows have it; returns as `_predict`."""
     cdef double indicated = s.observer.ring[(position - 1) & MASK].indicated, shown
     x_tilde = _x_tilde(s, position)
     memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))

@@ -100,10 +100,7 @@ cdef class PairStepper:
 
 
 cdef class Stream:
-    """An observer's memory, lent to the functions that run once a sample; each array is checked field by field.
-
-    The arrays are as `engine.stream.state.Observer` has them.
-    """
+    """An observer's memory, lent to functions that run once a sample, its arrays checked field by field."""
 
     def __init__(
         self, memory, recorded, ring, x_tilde, x_hat, gains, events, injections, channels, theta, verdicts,

@@ -158,9 +158,11 @@ def test_links_lead_somewhere(page: Page) -> None:
 @pytest.mark.slow
 def test_the_commands_of_a_fit(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    own_injector.write_files(tmp_path)  # with a map of masses
     commands = [line for line in Page("docs/fit.md").commands if "healthy_*" not in line]
-    assert len(commands) == 4
+    assert len(commands) == 5
     run_all(command, commands)
+    assert Path("map.png").exists()
     assert Path("fitted.toml").exists()
     assert Path("fit.png").exists()
 

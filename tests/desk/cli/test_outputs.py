@@ -43,7 +43,7 @@ FOLDERS = {  # and the names in it that are written
 }
 ELSEWHERE = {("demo", "--out"), ("monitor", "--out"), ("take-over", "--bench")}
 # parameters that name what is read; a new one that names a file must be among them, or declare what is written
-READ = {"amended", "bench", "effects", "file", "from_evidence", "healthy", "log", "mass", "model", "recording"}
+READ = {"amended", "bench", "effects", "file", "from_evidence", "healthy", "log", "map", "mass", "model", "recording"}
 READ |= {"recordings", "results_of", "state"}
 SAMPLES = b"time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n0,100,0,100\n"
 SAME_KIND = {

@@ -173,7 +173,7 @@ def fit_map(file: InjectorParameters, of: MassMap, progress: Callable[[float], N
     problem = _MapProblem(file, of, free)
     start = min(problem.starts(), key=lambda theta: problem.residuals(theta).statistic)
     first = problem.fitted(start, step, ROUGH)
-    spread = _spread((problem.masses(first.theta) - of.mass) / of.sigma, len(free))
+    spread = _spread(first.residuals.z[: of.mass.size], len(free))
     problem = replace(problem, map=replace(of, sigma=math.sqrt(spread) * of.sigma))
     best = problem.fitted(first.theta, step)
     injector = problem.injector(best.theta)

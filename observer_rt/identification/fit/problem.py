@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -42,14 +43,14 @@ class Fold:
     rate_shape: bool = False  # whether a measured rate counts sample by sample, and not by its integrals alone
     tempering: float = 1.0  # mean square of what pressures leave, over noise, which makes a mass count for more
 
-    @property
+    @cached_property
     def weighings(self) -> list[list[int]]:
         """Numbers of its weighed injections, those of an operating point together; or MEAN."""
         points = [[event.number for event in point] for point in events_by_point(self.measurement)]
         own = [[number for number in numbers if number in self.weighed] for numbers in ([MEAN], *points)]
         return [numbers for numbers in own if numbers]
 
-    @property
+    @cached_property
     def measured_masses(self) -> WeighedMasses:
         """Measured masses of its own injections, or their mean."""
         return {number: self.weighed[number] for numbers in self.weighings for number in numbers}

@@ -48,9 +48,8 @@ def beside_map(
 ) -> tuple[ComparedPoint, ...]:
     """Compare injections with a map, point by point in its order."""
     shots = _shots(injections)
-    points = np.array(
-        [_nearest(of, *point) for point in zip(shots.rail_pressure, shots.energizing, strict=True)], int
-    )
+    pairs = zip(shots.rail_pressure, shots.energizing, strict=True)
+    points = np.array([_nearest(of, *pair) for pair in pairs], int)
     return tuple(_compared(of, number, shots, points == number, injector) for number in range(of.mass.size))
 
 
@@ -74,15 +73,10 @@ def _nearest(of: MassMap, rail_pressure: float, energizing: float) -> int:
 def _compared(of: MassMap, number: int, shots: _Shots, at: Bools, injector: InjectorParameters) -> ComparedPoint:
     """A point of the map beside the injections (n,) that are at it."""
     pressure, duration, stated = of.rail_pressure[number], of.energizing[number], of.mass[number] / MILLIGRAM
-    tolerance = Z_95 * of.sigma[number] / MILLIGRAM
-    point = ComparedPoint(
-        rail_pressure_MPa=pressure / MEGAPASCAL,
-        energizing_ms=duration / MILLISECOND,
-        stated_mg=stated,
-        tolerance_mg=tolerance,
-        injections=int(at.sum()),
-    )
-    if not at.any():
+    tolerance, count = Z_95 * of.sigma[number] / MILLIGRAM, int(at.sum())
+    figures = {"rail_pressure_MPa": pressure / MEGAPASCAL, "energizing_ms": duration / MILLISECOND}
+    point = ComparedPoint(stated_mg=stated, tolerance_mg=tolerance, injections=count, **figures)
+    if count == 0:
         return point
     pressures, durations = np.append(shots.rail_pressure[at], pressure), np.append(shots.energizing[at], duration)
     *elsewhere, here = masses_of(injector, pressures, durations)

@@ -53,9 +53,8 @@ def map_figure(done: MapFit) -> Figure:
         masses, differences = figure.subplots(2, sharex=True, height_ratios=[2.5, 1.0])
         pressures = np.unique(of.rail_pressure)
         durations = np.geomspace(of.energizing.min(), of.energizing.max(), CURVE_POINTS)
-        for pressure, colour in zip(
-            pressures, mpl.colormaps["viridis"](np.linspace(0.0, 0.85, pressures.size)), strict=True
-        ):
+        colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.85, pressures.size))
+        for pressure, colour in zip(pressures, colours, strict=True):
             curve = masses_of(done.injector, np.full(durations.size, pressure), durations)
             masses.plot(durations / MILLISECOND, curve / MILLIGRAM, color=colour, lw=1.0)
             at = of.rail_pressure == pressure

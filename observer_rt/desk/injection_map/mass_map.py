@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.files.signals.csv_dialect import COMMENT, Dialect, dialect_of
+from observer_rt.files.signals.naming import unit_ending
 from observer_rt.foundation.errors import UserError, file_errors
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MASS_UNITS, PRESSURE_UNITS, TIME_UNITS, Floats, spelled
 
@@ -125,9 +126,7 @@ def _unit(name: str, stated: str, units: Mapping[str, float]) -> str:
     """Unit that a heading states, or that ends its name, as in `mass_mg`; empty without one."""
     if stated:
         return spelled(_PER_STROKE.sub("", stated), units)
-    bare = _PER_STROKE.sub("", name)
-    ends = [bare[end.end() :] for end in re.finditer(r"[_ .]", bare)]
-    return next(filter(None, (spelled(end, units) for end in ends)), "")
+    return unit_ending(_PER_STROKE.sub("", name), lambda end: spelled(end, units))
 
 
 def _rows(path: Path, dialect: Dialect, columns: Mapping[str, _Place]) -> Iterator[dict[str, float]]:

@@ -36,8 +36,21 @@ CALIBRATION_TIME = 0.85  # share of all the time; then the observer runs along t
 ROUNDS = 3  # of calibration without a measured lift: delays of shots follow from the round before
 
 
+class _Shown:
+    """Shows a verdict, and the numbers that it is of."""
+
+    verdict: Any
+    parameters: Any
+
+    def __repr__(self) -> str:
+        return f"{self.verdict}\n{self.parameters.to_string()}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.verdict}</p>{self.parameters.to_html()}"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class FitResult:
+class FitResult(_Shown):
     """A fit, as `Injector.fit` gives it. baseline: section of its file; warnings: doubts about the recordings.
 
     notes: what was noted while they were read.
@@ -75,15 +88,9 @@ class FitResult:
 
         return fit_figure(self.done)
 
-    def __repr__(self) -> str:
-        return f"{self.verdict}\n{self.parameters.to_string()}"
-
-    def _repr_html_(self) -> str:
-        return f"<p>{self.verdict}</p>{self.parameters.to_html()}"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MapResult:
+class MapResult(_Shown):
     """A fit to a map of masses, as `Injector.fit_map` gives it."""
 
     done: MapFit
@@ -114,12 +121,6 @@ class MapResult:
         from observer_rt.desk.injection_map.map_report import map_figure
 
         return map_figure(self.done)
-
-    def __repr__(self) -> str:
-        return f"{self.verdict}\n{self.parameters.to_string()}"
-
-    def _repr_html_(self) -> str:
-        return f"<p>{self.verdict}</p>{self.parameters.to_html()}"
 
 
 def _frame_of(numbers: Mapping[str, FittedNumber]) -> pd.DataFrame:

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from observer_rt.config.injector_sections import RecordingConfig
@@ -119,8 +120,12 @@ def unit_of(signal: str, heading: Heading) -> str:
     """Unit that is stated, or else ends the name, as `rail_pressure_MPa`."""
     if heading.unit or heading.is_calendar:
         return known_unit(signal, heading.unit)
-    ends = [heading.name[end.end() :] for end in re.finditer(r"[_ .]", heading.name)]
-    return next(filter(None, (known_unit(signal, end) for end in ends)), "")
+    return unit_ending(heading.name, partial(known_unit, signal))
+
+
+def unit_ending(name: str, spelling: Callable[[str], str]) -> str:
+    """Unit that ends a name, as in `mass_mg`, by the spelling of an end; empty without one."""
+    return next(filter(None, (spelling(name[end.end() :]) for end in re.finditer(r"[_ .]", name))), "")
 
 
 def entries(choice: HeadingChoice) -> Iterator[tuple[str, str | int]]:

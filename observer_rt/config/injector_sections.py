@@ -57,9 +57,7 @@ class TimeConfig(ColumnConfig):
     @model_validator(mode="after")
     def _is_one_kind(self) -> Self:
         if self.format is not None and self.model_fields_set & {"unit", "factor", "offset"}:
-            raise ValueError(
-                "stamps of a calendar have no 'unit', 'factor' or 'offset'; leave out these, or 'format'"
-            )
+            raise ValueError("stamps of a calendar have no 'unit', 'factor' or 'offset'; leave out these or 'format'")
         return self
 
 

@@ -16,10 +16,10 @@ class Proof(StrEnum):
     """Measurements that tell effects apart where rail pressure, lift and line pressure do not."""
 
     BOTH_CHANNELS = (
-        "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
+        "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or more samples a second"
     )
     FUEL_OR_DRAWING = (
-        "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
+        "a fuel sample (bulk modulus), or the line's volume by its drawing: no signal distinguishes them"
     )
     SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
     LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"

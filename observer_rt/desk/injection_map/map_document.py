@@ -37,9 +37,7 @@ class MapDocument(Document):
     parameters: dict[str, FittedNumber]
     undetermined: tuple[str, ...] = Field(description="parameters that masses by themselves tell little of")
     rms_percent: float = Field(description="of the masses, weighed by their standard deviations")
-    spread: float = Field(
-        description="variance of the differences over that of the map, 1 at least; in the intervals"
-    )
+    spread: float = Field(description="variance of the differences over that of the map, 1 at least; in intervals")
     points: tuple[MapPoint, ...]
 
 

@@ -25,9 +25,7 @@ _VOLUMES = {"mm3": CUBIC_MILLIMETRE, "ul": CUBIC_MILLIMETRE, "cm3": 1e-6, "ml": 
 _MASSES = {**MASS_UNITS, **_VOLUMES}
 _SHARES = {"%": 0.01, "percent": 0.01}
 _PER_STROKE = re.compile(r"[ _]*(?:/|per)?[ _]*(?:stroke|shot|hub|str|inj(?:ection)?)\.?$", re.IGNORECASE)
-_EXAMPLE = (
-    "write rail_pressure_MPa,energizing_ms,mass_mg[,sigma_mg][,back_pressure_MPa] with lines such as 60,0.6,21.4"
-)
+_EXAMPLE = "write rail_pressure_MPa,energizing_ms,mass_mg[,sigma_mg][,back_pressure_MPa] with lines like 60,0.6,21.4"
 
 
 class _Column(NamedTuple):

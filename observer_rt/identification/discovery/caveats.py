@@ -106,9 +106,7 @@ def _of_explanation(discovery: Discovery) -> Iterator[Caveat]:
     for effect in discovery.effects:
         others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
         if others:
-            text = (
-                f"{effect.id} and {others} have the same effect on every signal; either name is right for the model."
-            )
+            text = f"{effect.id} and {others} have the same effect on every signal; either name is right."
             yield Caveat("same_signals", f"{others} would look the same", text)
     for words in counter_restarts(discovery.shown.terms):
         yield Caveat(

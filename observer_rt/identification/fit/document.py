@@ -39,9 +39,7 @@ class FitDocument(Document):
     verdict: Literal["adequate", "inadequate"]
     verdict_words: str
     inadequate_phases: tuple[str, ...]
-    causes: tuple[str, ...] = Field(
-        description="effects tried by refits where more than noise is left, the best first"
-    )
+    causes: tuple[str, ...] = Field(description="effects tried by refits where more than noise is left, best first")
     structure: dict[str, str] = Field(description="the one chosen, and why")
     structures: tuple[TriedStructure, ...]
     parameters: dict[str, FittedNumber]

@@ -115,9 +115,7 @@ def _injection(location: str, row: Mapping[str, str], recording: Measurement) ->
         return MEAN
     if text not in map(str, range(1, count + 1)):
         problem = f"'{text}' is no injection of {row[RECORDING]}, which has {count}"
-        raise UserError(
-            f"{location}, {INJECTION}", problem, f"give 1 to {count}, as `event` of `evaluate`, or nothing"
-        )
+        raise UserError(f"{location}, {INJECTION}", problem, f"give 1 to {count}, `event` of `evaluate`, or nothing")
     return int(text)
 
 

@@ -16,9 +16,7 @@ MAX_TRIALS = 8  # of ever shorter steps in one iteration
 TOLERANCE = 0.02  # of the expected and the achieved decrease of -2 log L
 FIRST_DAMPING = 1e-3
 MORE_DAMPING, LESS_DAMPING = 8.0, 0.1
-BLIND = (
-    1e-7  # of a correlation's largest eigenvalue: 6e-10 if two do the same, 3e-5 if pressures hardly tell them apart
-)
+BLIND = 1e-7  # of a correlation's largest eigenvalue: 6e-10 if two do the same, 3e-5 if pressures tell little
 _ONE_THREAD_PRODUCTS = 200_000  # multiplications that BLAS does in one thread
 NORMAL_975 = 1.959964  # quantile of the normal distribution, of a 95 % interval
 

@@ -24,10 +24,7 @@ BULK_MODULUS = Effect(
     component=Component.CLOSED_END,
     parameters=(parameter("r", -0.6, 1.0, 0.001, (-0.3, -0.12, 0.0, 0.15, 0.4)),),
     apply=_bulk_modulus,
-    sentence=(
-        "The fuel in the line is stiffer, or softer, than the file says (another fuel, another "
-        "temperature): K_L (1 + r)."
-    ),
+    sentence="The line's fuel is stiffer, or softer, than the file says (another fuel or temperature): K_L (1 + r).",
     signature="The line rings faster or slower at every rail pressure; the injected mass hardly changes.",
     relations=(Relation(("line_volume",), Likeness.SAME, Proof.FUEL_OR_DRAWING),),
 )
@@ -56,9 +53,7 @@ FUEL_DENSITY = Effect(
     parameters=(parameter("r", -0.2, 0.2, 0.001, (-0.1, 0.0, 0.1)),),
     apply=scaled("fluid", "density_line", "density_nozzle"),
     sentence="The fuel is denser, or lighter, than the file says, in line and nozzle: rho (1 + r).",
-    signature=(
-        "All flows change as one over the root of the density, and the line rings slower the denser the fuel is."
-    ),
+    signature="All flows change as one over the root of the density; the denser the fuel, the slower the line rings.",
     decided_by=Proof.SAMPLE_OR_BALANCE,
 )
 
@@ -77,10 +72,7 @@ LINE_FRICTION = Effect(
     parameters=(parameter("k", -0.95, 10.0, 0.005, (0.0, 2.0)),),
     apply=scaled("line", "loss_factor"),
     sentence="The feed line loses more pressure to its flow (deposits, a clogged filter), or less: xi (1 + k).",
-    signature=(
-        "The line pressure sags more as the flow through the line grows, and its ringing after the "
-        "injection dies sooner."
-    ),
+    signature="The line pressure sags more as its flow grows, and its ringing after the injection dies sooner.",
 )
 
 GUIDE_LEAKAGE = Effect(
@@ -112,10 +104,7 @@ ORIFICE_CAVITATION = Effect(
     component=Component.NOZZLE,
     parameters=(parameter("n_crit_excess", 0.0, 0.6, 0.02, (0.06, 0.12, 0.3)),),
     apply=added("departures", "critical_excess"),
-    sentence=(
-        "The spray holes cavitate at high pressure: below N_crit their coefficient falls by "
-        "sqrt(N/N_crit), N = (p_S - p_v)/(p_S - p_C)."
-    ),
+    sentence="Spray holes cavitate: below N_crit the flow falls by sqrt(N/N_crit), N = (p_S - p_v)/(p_S - p_C).",
     signature="Less flow at high rail pressure only; below a rail pressure set by N_crit nothing changes.",
 )
 
@@ -166,9 +155,7 @@ SEAT_OUTFLOW = Effect(
     apply=lambda model, _: replace(
         model, injector=model.injector.model_copy(update={"line_outflow": LineOutflow.SEAT})
     ),
-    sentence=(
-        "The line is drained by the flow through the seat, which also fills the sac, not by the injection rate."
-    ),
+    sentence="The line is drained by the flow through the seat, which also fills the sac, not by what is injected.",
     signature="The line pressure dips a few microseconds sooner at opening, by what fills the sac.",
 )
 

@@ -15,10 +15,7 @@ CHANNEL_SKEW = Effect(
     component=Component.LINE_SENSOR,
     parameters=(parameter("d", -60.0, 60.0, 2.0, (-20.0, 0.0, 20.0), "us", MICROSECOND),),
     apply=added("sensor", "delay"),
-    sentence=(
-        "The line pressure is recorded late (or early) against rail pressure and lift by d: other "
-        "filters, other clocks."
-    ),
+    sentence="The line pressure is recorded late (or early) by d against rail pressure and lift: another filter.",
     signature="The whole line pressure is shifted in time; steep changes show it, their shape stays.",
     relations=(Relation(("line_pressure_sensor_lag",), Likeness.ALIKE, Proof.BOTH_CHANNELS),),
 )
@@ -29,9 +26,7 @@ LINE_PRESSURE_SENSOR_LAG = Effect(
     parameters=(parameter("tau", 0.0, 500.0, 2.0, (0.0, 30.0, 120.0), "us", MICROSECOND),),
     apply=added("sensor", "lag"),
     sentence="The line-pressure sensor follows its pressure with a delay: tau y' = p_L - y.",
-    signature=(
-        "Steep changes of the line pressure are recorded late and rounded, at opening, closing and while it rings."
-    ),
+    signature="Steep changes of the line pressure are recorded late and rounded: opening, closing and ringing.",
     apparent=True,
 )
 
@@ -41,9 +36,7 @@ LINE_PRESSURE_SENSOR_OFFSET = Effect(
     parameters=(parameter("o", -10.0, 10.0, 0.02, unit="MPa", si=MEGAPASCAL),),
     apply=added("sensor", "offset"),
     sentence="The line pressure is recorded too high (or too low) by the same pressure always: y = p_L + o.",
-    signature=(
-        "With the needle shut the line pressure differs from the rail pressure by the same amount at every pressure."
-    ),
+    signature="With the needle shut the line pressure is off the rail pressure by the same amount at every pressure.",
 )
 
 
@@ -62,14 +55,8 @@ LIFT_OFFSET = Effect(
     component=Component.LIFT_SENSOR,
     parameters=(parameter("x_0", -60.0, 60.0, 0.2, unit="um", si=MICROMETRE),),
     apply=added("inputs", "lift_shift"),
-    sentence=(
-        "The needle is higher than recorded by x_0 while it is open (sensor offset, a bent stem): "
-        "measured = true - x_0."
-    ),
-    signature=(
-        "Opening and closing are off by x_0 of lift: for x_0 > 0 flow begins before the recorded lift "
-        "does and ends after it."
-    ),
+    sentence="The open needle is higher than recorded by x_0 (sensor offset, a bent stem): measured = true - x_0.",
+    signature="Opening and closing are off by x_0: above 0, flow begins before the recorded lift and ends after it.",
     relations=_LIKE_ANOTHER_SEAT,
 )
 
@@ -115,13 +102,8 @@ RAIL_PRESSURE_SENSOR_OFFSET = Effect(
     component=Component.RAIL_SENSOR,
     parameters=(parameter("o", -10.0, 10.0, 0.02, unit="MPa", si=MEGAPASCAL),),
     apply=_rail_pressure_sensor_offset,
-    sentence=(
-        "The rail pressure is recorded too high (or too low) by the same pressure always: measured = true + o."
-    ),
-    signature=(
-        "With the needle shut the line pressure differs from the recorded rail pressure by the same "
-        "amount at every pressure."
-    ),
+    sentence="The rail pressure is recorded too high (or low) by the same pressure always: measured = true + o.",
+    signature="With the needle shut the line pressure is off the recorded rail pressure by the same amount always.",
     relations=(Relation(("line_pressure_sensor_offset",), Likeness.NEAR, Proof.PRESSURE_GAUGE),),
 )
 

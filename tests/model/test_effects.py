@@ -135,6 +135,13 @@ def test_stiffness_and_volume_of_the_line_cannot_be_told_apart(r: float) -> None
     assert (stiffer.line, stiffer[1:-1]) == (pytest.approx(smaller.line, rel=1e-12), smaller[1:-1])
 
 
+def test_of_fuel_that_stiffens_the_stiffness_without_pressure_changes_as_with_the_temperature() -> None:
+    fluid = NOMINAL.fluid.model_copy(update={"bulk_modulus_by_pressure": 10.5})
+    softer = effective_model(NOMINAL.model_copy(update={"fluid": fluid}), [sized("bulk_modulus", r=-0.1)])
+    stiffness = softer.injector.fluid.in_line.stiffness(150e6) + softer.departures.stiffness_slope * 50e6
+    assert stiffness == pytest.approx(0.9 * fluid.bulk_modulus_line + 10.5 * 150e6, rel=1e-12)
+
+
 def test_what_is_added_is_relative_to_what_is_in_force() -> None:
     twice = effective_model(NOMINAL, [sized("orifice_area", v_H=0.2), sized("orifice_area", v_H=0.1)])
     assert twice.coefficients.sac.a6 == pytest.approx(1.2 * 1.1 * coefficients(NOMINAL).sac.a6)

@@ -104,7 +104,8 @@ def _of_operating_points(discovery: Discovery, basis: Basis) -> Iterator[Caveat]
 def _of_explanation(discovery: Discovery) -> Iterator[Caveat]:
     """Another effect would show the same signals, or a law holds for these recordings alone."""
     for effect in discovery.effects:
-        others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
+        same = set(indistinguishable(VOCABULARY[effect.id])).intersection(effect.indistinguishable_from)
+        others = " or ".join(sorted(same))
         if others:
             text = f"{effect.id} and {others} have the same effect on every signal; either name is right."
             yield Caveat("same_signals", f"{others} would look the same", text)

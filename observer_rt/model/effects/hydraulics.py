@@ -6,25 +6,18 @@ from dataclasses import replace
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, MM3_PER_MS
 from observer_rt.model.effect import Component, Effect, Likeness, Proof, Relation, added, parameter, scaled
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.fuel import USUAL_PRESSURE
 from observer_rt.model.hydraulics import valve_of
 from observer_rt.model.parameters import NO_DEPARTURES, LineOutflow
-
-
-def _bulk_modulus(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-    share, fluid = values[0], model.injector.fluid
-    of_modulus = fluid.in_line.stiffness(USUAL_PRESSURE) / fluid.bulk_modulus_line
-    stiffer = model.with_changes("fluid", bulk_modulus_line=fluid.bulk_modulus_line * (1.0 + share * of_modulus))
-    slope = model.departures.stiffness_slope + share * fluid.bulk_modulus_by_pressure
-    return stiffer.with_changes("departures", stiffness_slope=slope)
-
 
 BULK_MODULUS = Effect(
     id="bulk_modulus",
     component=Component.CLOSED_END,
     parameters=(parameter("r", -0.6, 1.0, 0.001, (-0.3, -0.12, 0.0, 0.15, 0.4)),),
-    apply=_bulk_modulus,
-    sentence="The line's fuel is stiffer, or softer, than the file says (another fuel or temperature): K_L (1 + r).",
+    apply=scaled("fluid", "bulk_modulus_line"),
+    sentence=(
+        "The fuel in the line is stiffer, or softer, than the file says (another fuel, another temperature): K_L "
+        "(1 + r), of a fuel that stiffens K_0 (1 + r)."
+    ),
     signature="The line rings faster or slower at every rail pressure; the injected mass hardly changes.",
     relations=(Relation(("line_volume",), Likeness.SAME, Proof.FUEL_OR_DRAWING),),
 )

@@ -32,18 +32,21 @@ RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02  # Of what is explained, that an effect 
 LEAST_SHARE, KEPT_SHARE = 0.05, 0.02  # Of what is left unexplained, that a further law must gain; that it keeps.
 
 
-def representatives(has_lift: bool) -> tuple[Effect, ...]:
-    """The vocabulary with one effect of every class that no recording can tell apart; has_lift: as of `seen_in`."""
+def representatives(has_lift: bool, stiffens: bool = False) -> tuple[Effect, ...]:
+    """The vocabulary with one effect of every class that no recording can tell apart.
+
+    has_lift: as of `seen_in`; stiffens: the fuel, with its pressure, which separates its stiffness from the volume.
+    """
     chosen: list[Effect] = []
     for effect in seen_in(has_lift):
-        if not any(effect.is_like(other, Likeness.SAME) for other in chosen):
+        if stiffens or not any(effect.is_like(other, Likeness.SAME) for other in chosen):
             chosen.append(effect)
     return tuple(chosen)
 
 
-def indistinguishable(effect: Effect) -> tuple[str, ...]:
-    """Ids of the effects no recording can tell from this one."""
-    return tuple(other.id for other in VOCABULARY.values() if effect.is_like(other, Likeness.SAME))
+def indistinguishable(effect: Effect, stiffens: bool = False) -> tuple[str, ...]:
+    """Ids of the effects no recording can tell from this one; stiffens: as of `representatives`."""
+    return tuple(other.id for other in VOCABULARY.values() if not stiffens and effect.is_like(other, Likeness.SAME))
 
 
 class Search:

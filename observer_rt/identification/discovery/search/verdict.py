@@ -55,7 +55,7 @@ def name_effects(
     solution, `UserError` when the chosen effects explain less.
     """
     likelihood = joint_likelihood(recordings, nominal, baseline.shape)
-    effects = representatives(not recordings[0].is_free)
+    effects = representatives(not recordings[0].is_free, _stiffens(nominal))
     fits = count(1)
 
     def advance(_: Candidate) -> None:
@@ -99,9 +99,14 @@ def healthy_baseline(
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
     discovery = name_effects(nominal, recordings, workers, progress, remembered)
-    remainder = healthy_remainder(likelihood, nominal, representatives(not recordings[0].is_free), remembered)
+    effects = representatives(not recordings[0].is_free, _stiffens(nominal))
+    remainder = healthy_remainder(likelihood, nominal, effects, remembered)
     rate = pool_of(likelihood.recordings, judged).get(Signal.INJECTION_RATE)
     return healthy_for_naming(remainder, discovery.verdict is results.Verdict.NONE, rate), discovery
+
+
+def _stiffens(nominal: EffectiveModel) -> bool:
+    return nominal.injector.fluid.bulk_modulus_by_pressure > 0.0
 
 
 def _names_left(outcome: results.SearchOutcome) -> tuple[Candidate, ...]:
@@ -195,7 +200,7 @@ class _Verdict:
             remaining, sizes = winner.without(effect)
             rivals = [name.ids for name in self._names[1:] if set(remaining.ids) <= set(name.ids)]
             instead = [one for ids in rivals for one in ids if one not in winner.ids]
-            others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
+            others = tuple(dict.fromkeys((*indistinguishable(effect, _stiffens(self._nominal)), *instead)))
             moves = consequence(self._measured, remaining.model(self._nominal, sizes), full_model)
             share = explained * gain / sum(gains)
             result.append(

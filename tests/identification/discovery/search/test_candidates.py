@@ -24,6 +24,7 @@ def test_every_class_has_one_representative(has_lift: bool) -> None:
     chosen = {effect.id for effect in representatives(has_lift)}
     for effect in seen_in(has_lift):
         assert len(chosen & {effect.id, *indistinguishable(effect)}) == 1
+    assert representatives(has_lift, stiffens=True) == seen_in(has_lift)
 
 
 @pytest.mark.parametrize(

@@ -26,16 +26,8 @@ from observer_rt.engine.service.noise import noise_text
 from observer_rt.engine.service.nominal import ComparedRate, NominalInjection, References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
+from observer_rt.foundation import units
 from observer_rt.foundation.errors import REMEDY
-from observer_rt.foundation.units import (
-    MEGAPASCAL,
-    MICROMETRE,
-    MILLIGRAM,
-    MILLISECOND,
-    MM3_PER_MS,
-    NANOSECONDS,
-    Floats,
-)
 
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
 _POLL_INTERVAL = 0.01  # s between two looks for news
@@ -111,7 +103,7 @@ class SnapshotKeeper:
             if isinstance(news, MeasuredMass):
                 for number, (report, shown) in enumerate(self._kept):
                     if report is news.report:
-                        values = {**shown.values, "measured_mass_mg": news.mass / MILLIGRAM}
+                        values = {**shown.values, "measured_mass_mg": news.mass / units.MILLIGRAM}
                         self._kept[number] = report, replace(shown, values=values)
                 continue
             self._count += 1
@@ -131,7 +123,7 @@ class SnapshotKeeper:
             "remainder": report.remainder_text,
             "verdict": report.validity if report.valid else f"{report.validity}: {named(report.reason)}",
         }
-        masses = {model.name: none_if_nan(model.mass / MILLIGRAM) for model in compared}
+        masses = {model.name: none_if_nan(model.mass / units.MILLIGRAM) for model in compared}
         curves = {} if rows is None else self._curves(report, rows, compared)
         return snapshot.ShownInjection(self._count, moment, values, masses, curves)
 
@@ -140,20 +132,20 @@ class SnapshotKeeper:
     ) -> dict[str, NDArray[np.float32]]:
         chamber = report.surroundings.chamber_pressure or self._c.chamber_pressure
 
-        def pressure(values: Floats) -> Floats:
-            return (values * self._c.pressure_scale + chamber) / MEGAPASCAL
+        def pressure(values: units.Floats) -> units.Floats:
+            return (values * self._c.pressure_scale + chamber) / units.MEGAPASCAL
 
         courses = {"corrected_rate": report.corrected_rate, "corrected_rate_sigma": report.rate_sigma}
         rates = {name: course[-len(rows) :] for name, course in courses.items() if course is not None}
         rates |= {"rate": rows["injection_rate"], "rate_sigma": rows["rate_sigma"]}
         rates |= {f"{model.name}_rate": model.rate for model in compared}
         curves = {
-            "time_ms": (rows["index"] - rows["index"][:1]) / (self._rate_hz * MILLISECOND),
+            "time_ms": (rows["index"] - rows["index"][:1]) / (self._rate_hz * units.MILLISECOND),
             "rail_pressure_MPa": pressure(rows["rail_pressure"]),
-            "needle_lift_um": rows["needle_lift"] / MICROMETRE,
+            "needle_lift_um": rows["needle_lift"] / units.MICROMETRE,
             "line_pressure_MPa": pressure(rows["line_pressure"]),
             "modelled_pressure_MPa": pressure(rows["x_hat"][:, 0]),
-            **{f"{name}_mm3_per_ms": rate / MM3_PER_MS for name, rate in rates.items()},
+            **{f"{name}_mm3_per_ms": rate / units.MM3_PER_MS for name, rate in rates.items()},
         }
         return {name: values.astype(np.float32) for name, values in curves.items()}
 
@@ -227,7 +219,7 @@ def faults_of(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason])
     ]
     faults += _silence(daemon, now)
     is_explained = bool(faults) and (not reasons or reasons[0] in ABOUT_INPUTS)
-    if is_explained or is_good(state) or now - daemon.stands_since < LASTING * NANOSECONDS:
+    if is_explained or is_good(state) or now - daemon.stands_since < LASTING * units.NANOSECONDS:
         return faults
     words, name = (REASONS[reasons[0]], reasons[0].name) if reasons else (STATES[state], state.name)
     return [*faults, Fault(f"{name}: {words.what}", daemon.stands_since, words.remedy)]
@@ -242,7 +234,7 @@ def _silence(daemon: Daemon, now: int) -> list[Fault]:
     if not silent:
         return []
     texts = tuple(f"{source.text}: no frame for {age:.0f} s" for source, age in silent.items())
-    since = now - round(max(silent.values()) * NANOSECONDS)
+    since = now - round(max(silent.values()) * units.NANOSECONDS)
     remedy = TOPICS[Topic.INPUT].remedy
     if len(texts) == 1:
         return [Fault(texts[0], since, remedy)]

@@ -10,14 +10,8 @@ from typing import Any
 import numpy as np
 
 from observer_rt.core.stream.stream import EVENT, INJECTION, RING
+from observer_rt.engine.estimation import predictor
 from observer_rt.engine.estimation.parameters import NEEDLE_LAW, LearnedModel, Theta, learned_of
-from observer_rt.engine.estimation.predictor import (
-    NO_COMMANDS,
-    Setting,
-    Window,
-    innovations,
-    innovations_with_sensitivity,
-)
 from observer_rt.engine.learning.event import with_smooth_rail
 from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.learning.verdict import UNEXPLAINED
@@ -45,8 +39,8 @@ ROUNDS, HALVINGS, ENOUGH = 8, 4, 0.1  # of Gauss and Newton; the last lowers the
 class CommandSearch:
     """Searches commands that explain a window; theta (m,): as learned; sigma: of white innovations [p_0]."""
 
-    window: Window
-    setting: Setting
+    window: predictor.Window
+    setting: predictor.Setting
     theta: Theta
     sigma: float
 
@@ -57,7 +51,7 @@ class CommandSearch:
 
     def commands(self, onset: int, end: int) -> Floats:
         """Commands (k, 2) as of `Window`, one after another, that explain a line pressure odd from onset to end."""
-        commands, cost = NO_COMMANDS, self._cost(NO_COMMANDS)
+        commands, cost = predictor.NO_COMMANDS, self._cost(predictor.NO_COMMANDS)
         while onset < end and len(commands) < MOST_SHOTS:
             trials = (*self._with_shot(commands, onset, end), *self._with_pause(commands))
             longer = self._refined(min(trials, key=self._cost))
@@ -98,7 +92,7 @@ class CommandSearch:
         for _ in range(ROUNDS):
             left, slopes = np.empty(samples), np.empty((samples, numbers + commands.size))
             window = self.window._replace(commands=commands)
-            innovations_with_sensitivity(window, self.setting, self.theta, left, slopes, NEEDLE_LAW.columns)
+            predictor.innovations_with_sensitivity(window, self.setting, self.theta, left, slopes, NEEDLE_LAW.columns)
             by_shots, weights = slopes[:, numbers:], 1.0 / ((SCALE * self.sigma) ** 2 + left**2)
             step = np.linalg.lstsq(by_shots.T * weights @ by_shots, -by_shots.T @ (weights * left), rcond=None)[0]
             move = np.clip(step * LAG_UNIT / self.setting.interval, -longest, longest).reshape(-1, 2)
@@ -112,7 +106,7 @@ class CommandSearch:
 
     def _innovations(self, commands: Floats) -> Floats:
         result = np.empty(self.window.output.size)
-        innovations(self.window._replace(commands=commands), self.setting, self.learned, result)
+        predictor.innovations(self.window._replace(commands=commands), self.setting, self.learned, result)
         return result
 
     def _cost(self, commands: Floats) -> float:

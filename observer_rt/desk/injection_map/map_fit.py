@@ -14,28 +14,12 @@ from observer_rt.desk.injection_map.mass_map import MassMap
 from observer_rt.desk.injection_map.simulated_masses import masses_of
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, Floats
-from observer_rt.identification.fit.forms import (
-    DELAY_EXPONENT,
-    NEEDLE,
-    NOZZLE,
-    FittedNumber,
-    FreeParameter,
-    sizes_of,
-    values_of,
-    with_values,
-)
+from observer_rt.identification.fit import forms
 from observer_rt.identification.fit.problem import UNDETERMINED_SHARE
-from observer_rt.identification.likelihood.bounded_fit import (
-    MAX_ITERATIONS,
-    NORMAL_975,
-    Minimum,
-    Range,
-    Residuals,
-    fit,
-)
+from observer_rt.identification.likelihood import bounded_fit
 from observer_rt.model.parameters import InjectorParameters
 
-BACK_PRESSURE = FreeParameter("p_C", "chamber", "pressure", "MPa", MEGAPASCAL, 0.0, 30e6, 5e6, 3.0, MEGAPASCAL)
+BACK_PRESSURE = forms.FreeParameter("p_C", "chamber", "pressure", "MPa", MEGAPASCAL, 0.0, 30e6, 5e6, 3.0, MEGAPASCAL)
 FEWEST_POINTS = 4  # of a map
 OTHER_PRESSURE = 1.3  # largest over smallest rail pressure, from which on a map tells of laws of the pressure
 CLOSING_STARTS = (1.0, 0.4, 2.0)  # of the file's closing delay, from which fits may begin
@@ -44,7 +28,7 @@ ROUGH = 8  # iterations before the spread of the map is known
 MAD = 1.4826  # standard deviation of a normal distribution over its median of absolute values
 EXPECTED = 10  # linearisations of a fit, by which its progress is told
 WIDE = 0.6  # standard deviation of logarithms of a needle's numbers, which no recording has shown yet
-OPENING_DELAY, _, CLOSING_DELAY, _ = MOTION = tuple(replace(parameter, spread=WIDE) for parameter in NEEDLE)
+OPENING_DELAY, _, CLOSING_DELAY, _ = MOTION = tuple(replace(parameter, spread=WIDE) for parameter in forms.NEEDLE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +41,7 @@ class MapFit:
     map: MassMap
     file: InjectorParameters
     injector: InjectorParameters
-    free: tuple[FreeParameter, ...]
+    free: tuple[forms.FreeParameter, ...]
     masses: Floats
     covariance: Floats  # (p, p) on the parameters' scales
     spread: float
@@ -68,9 +52,9 @@ class MapFit:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
-    def sizes(self) -> dict[str, FittedNumber]:
+    def sizes(self) -> dict[str, forms.FittedNumber]:
         """The fitted numbers by name."""
-        return sizes_of(self.free, self.sigmas, self.file, self.injector)
+        return forms.sizes_of(self.free, self.sigmas, self.file, self.injector)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
@@ -90,21 +74,21 @@ class MapFit:
         return math.sqrt(float(np.sum(self.off**2)) / float(np.sum(weights)))
 
     @property
-    def written(self) -> tuple[FreeParameter, ...]:
+    def written(self) -> tuple[forms.FreeParameter, ...]:
         """Parameters that its file states anew: the fitted ones, and the map's back pressure."""
         return self.free if self.map.back_pressure is None else (BACK_PRESSURE, *self.free)
 
     @property
-    def delay_difference(self) -> FittedNumber:
+    def delay_difference(self) -> forms.FittedNumber:
         """Closing delay less opening delay at 100 MPa, which masses tell although they hardly tell either."""
         delays = (CLOSING_DELAY, OPENING_DELAY)
-        closes, opens = values_of(self.injector, delays)
+        closes, opens = forms.values_of(self.injector, delays)
         slopes = np.zeros(len(self.free))
         slopes[[self.free.index(delay) for delay in delays]] = closes, -opens  # by logarithms
-        half = NORMAL_975 * math.sqrt(slopes @ self.covariance @ slopes)
+        half = bounded_fit.NORMAL_975 * math.sqrt(slopes @ self.covariance @ slopes)
         low, value, high = np.array([-half, 0.0, half]) / MICROSECOND + (closes - opens) / MICROSECOND
-        before = float(np.subtract(*values_of(self.file, delays))) / MICROSECOND
-        return FittedNumber("t_c - t_o", float(value), (float(low), float(high)), before, "us")
+        before = float(np.subtract(*forms.values_of(self.file, delays))) / MICROSECOND
+        return forms.FittedNumber("t_c - t_o", float(value), (float(low), float(high)), before, "us")
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +97,7 @@ class _MapProblem:
 
     file: InjectorParameters
     map: MassMap
-    free: tuple[FreeParameter, ...]
+    free: tuple[forms.FreeParameter, ...]
 
     @property
     def centre(self) -> Floats:
@@ -130,27 +114,29 @@ class _MapProblem:
     def injector(self, theta: Floats) -> InjectorParameters:
         """The injector at theta."""
         values = [one.value_of(float(place)) for one, place in zip(self.free, theta, strict=True)]
-        return with_values(self.file, self.free, np.array(values))
+        return forms.with_values(self.file, self.free, np.array(values))
 
     def masses(self, theta: Floats) -> Floats:
         """Masses (n,) [kg] at theta."""
         return masses_of(self.injector(theta), self.map.rail_pressure, self.map.energizing)
 
-    def residuals(self, theta: Floats) -> Residuals:
+    def residuals(self, theta: Floats) -> bounded_fit.Residuals:
         """Masses less those of the map, and theta less the file's, in standard deviations."""
         z = (self.masses(theta) - self.map.mass) / self.map.sigma
         prior = (theta - self.centre) / np.array([one.spread for one in self.free])
-        return Residuals.of([(z, 0.0), (prior, 0.0)])
+        return bounded_fit.Residuals.of([(z, 0.0), (prior, 0.0)])
 
-    def fitted(self, start: Floats, step: Callable[[], None], most: int = MAX_ITERATIONS) -> Minimum:
+    def fitted(
+        self, start: Floats, step: Callable[[], None], most: int = bounded_fit.MAX_ITERATIONS
+    ) -> bounded_fit.Minimum:
         """The minimum from a start. Raises `RunError` without one."""
 
-        def residuals(theta: Floats) -> Residuals:
+        def residuals(theta: Floats) -> bounded_fit.Residuals:
             step()
             return self.residuals(theta)
 
-        ranges = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), STEP) for one in self.free]
-        minimum = fit(residuals, start, ranges, most)
+        ranges = [bounded_fit.Range(one.theta_of(one.lowest), one.theta_of(one.highest), STEP) for one in self.free]
+        minimum = bounded_fit.fit(residuals, start, ranges, most)
         if minimum is None or not np.isfinite(minimum.statistic):
             raise RunError("the file's injector has no solution", "correct its geometry: observer-rt check --model")
         return minimum
@@ -159,11 +145,11 @@ class _MapProblem:
 def fit_map(file: InjectorParameters, of: MassMap, progress: Callable[[float], None]) -> MapFit:
     """Fits an injector file to a map. Raises `RunError` where the file's injector has no solution."""
     if of.back_pressure is not None:
-        file = with_values(file, [BACK_PRESSURE], np.array([of.back_pressure]))
+        file = forms.with_values(file, [BACK_PRESSURE], np.array([of.back_pressure]))
     pressures = of.rail_pressure
     differ = pressures.max() > OTHER_PRESSURE * pressures.min()
     is_free = differ and of.back_pressure is None
-    free = (NOZZLE, *([BACK_PRESSURE] if is_free else []), *MOTION, *([DELAY_EXPONENT] if differ else []))
+    free = (forms.NOZZLE, *([BACK_PRESSURE] if is_free else []), *MOTION, *([forms.DELAY_EXPONENT] if differ else []))
     done = count()
     most = (len(free) + 2) * EXPECTED
 

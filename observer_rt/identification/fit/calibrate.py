@@ -12,19 +12,9 @@ from scipy.optimize import least_squares
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.signals.recording import shown_slowly
 from observer_rt.foundation.units import Floats
-from observer_rt.identification.fit import search
+from observer_rt.identification.fit import forms, search
 from observer_rt.identification.fit.causes import TriedCause, tried_causes
 from observer_rt.identification.fit.comparison import Comparison, compared
-from observer_rt.identification.fit.forms import (
-    INERTANCE,
-    NEEDLE,
-    NOZZLE,
-    STRUCTURES,
-    FittedNumber,
-    FreeParameter,
-    Structure,
-    sizes_of,
-)
 from observer_rt.identification.fit.masses import WeighedMasses
 from observer_rt.identification.fit.problem import GROUPS_OF_FOLD, Calibration, Fold, by_meter, folds_of, thinned
 from observer_rt.identification.fit.structures import Choice, choose, tried_structures
@@ -60,7 +50,7 @@ class CalibrationResult:
     measurements: Sequence[Measurement]
     choice: Choice  # among structures, compared on few events
     fitted: search.FittedStructure  # the chosen one on many events
-    kept: tuple[FreeParameter, ...]  # as in the file, because the recordings do not determine them
+    kept: tuple[forms.FreeParameter, ...]  # as in the file, because the recordings do not determine them
     level_source: LevelSource
     comparison: Comparison  # of the models before and after
     rate_misfit: float  # share of a measured rate's shape that a model of pressures and integrals does not explain
@@ -74,9 +64,9 @@ class CalibrationResult:
         return self.fitted.injector
 
     @property
-    def sizes(self) -> dict[str, FittedNumber]:
+    def sizes(self) -> dict[str, forms.FittedNumber]:
         fitted = self.fitted
-        return sizes_of(fitted.calibration.free, fitted.certainty.sigmas, self.file, self.injector)
+        return forms.sizes_of(fitted.calibration.free, fitted.certainty.sigmas, self.file, self.injector)
 
     @property
     def above_limit(self) -> tuple[Phase, ...]:
@@ -103,9 +93,9 @@ class CalibrationResult:
     def shares_by_pressures(self) -> Floats:
         """Standard deviation of a mass by its own pressures, as a share, if only alpha_H were unknown: (folds,)."""
         calibration, at = self.fitted.calibration, self.fitted.minimum.at
-        if NOZZLE not in calibration.free:
+        if forms.NOZZLE not in calibration.free:
             return np.full(len(calibration.folds), math.inf)
-        slopes = np.split(at.slopes[:, calibration.free.index(NOZZLE)], np.cumsum(at.residuals.counts[:-1]))
+        slopes = np.split(at.slopes[:, calibration.free.index(forms.NOZZLE)], np.cumsum(at.residuals.counts[:-1]))
         by_fold = zip(calibration.folds, slopes[::GROUPS_OF_FOLD], strict=False)  # of the line pressure
         return np.array([math.sqrt(len(fold.measurement.events) / (slope @ slope)) for fold, slope in by_fold])
 
@@ -133,7 +123,7 @@ class CalibrationResult:
             return None
         determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
         # twice, for the level is an area's and the parameter a diameter
-        by_fit = sum(2.0 * float(sigma) for one, sigma in determined if one is INERTANCE)
+        by_fit = sum(2.0 * float(sigma) for one, sigma in determined if one is forms.INERTANCE)
         folds = self.fitted.calibration.folds
         own = [one.sigma / one.mass for fold in folds for one in fold.measured_masses.values()]
         by_rate = math.hypot(GAIN_ERROR, 0.01 * self.file.accuracy.fuel_density_percent)
@@ -145,7 +135,7 @@ def calibrate(
     recordings: Sequence[Measurement],
     weighed: Mapping[int, WeighedMasses],
     progress: Callable[[float], None],
-    structures: Sequence[Structure] = STRUCTURES,
+    structures: Sequence[forms.Structure] = forms.STRUCTURES,
 ) -> CalibrationResult:
     """Fit an injector to healthy recordings; weighed: masses by recording. Raises `RunError` without a solution."""
     source = LevelSource.MASS if weighed else LevelSource.FILE
@@ -153,7 +143,8 @@ def calibrate(
         source = LevelSource.RATE
     folds = folds_of(recordings, weighed)
     coarse = tuple(thinned(fold, search.ROUGH_EVENTS) for fold in folds)  # structures are compared on
-    further = (() if source is LevelSource.FILE else (INERTANCE,)) + (NEEDLE if recordings[0].is_answered else ())
+    needle = forms.NEEDLE if recordings[0].is_answered else ()
+    further = (() if source is LevelSource.FILE else (forms.INERTANCE,)) + needle
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(COMPARISON_TIME * share))
     choice = choose(tried)
     misfit = rate_misfit(choice.best.calibration, choice.best.judged)

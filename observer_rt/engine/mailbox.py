@@ -90,6 +90,7 @@ def _write(
     carried["bias"] = learned.network.bias
     carried["nozzle"] = learned.network.nozzle
     carried["rail_from"], carried["rail_to"], carried["known_from"], carried["known_until"] = known_flow
+    carried["flow_spread"] = knowledge.state.elsewhere.spread
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag

@@ -61,9 +61,7 @@ def test_injector_file_from_before_there_were_formats(tmp_path: Path) -> None:
 
 @FILES
 @given(data=st.data())
-def test_damaged_bytes(
-    tmp_path_factory: pytest.TempPathFactory, source: Path, load: Load, data: st.DataObject
-) -> None:
+def test_bad_bytes(tmp_path_factory: pytest.TempPathFactory, source: Path, load: Load, data: st.DataObject) -> None:
     path = tmp_path_factory.getbasetemp() / source.name
     path.write_bytes(source.read_bytes())
     damage(path, data)

@@ -58,19 +58,25 @@ cdef inline int64_t newest_of(const FilterBank* bank) noexcept nogil:
     return OF_NOZZLE + bank.stretches - 1
 
 
-cdef inline void begin_bank(FilterBank* bank, const Widths* explanations) noexcept nogil:
-    """Begin the filters of all explanations (EXPLANATIONS,), with one stretch."""
+cdef inline void begin_bank(FilterBank* bank, const Widths* explanations, double spread) noexcept nogil:
+    """Begin the filters of all explanations (EXPLANATIONS,), with one stretch.
+
+    spread: standard deviation of the nozzle's flow, as a share, and of its change in a stretch, that all have at least.
+    """
+    cdef double nozzle
     cdef int64_t i, k
     bank.stretches = 1
     for i in range(<int64_t> EXPLANATIONS):
         filter, explanation = &bank.filters[i], &explanations[i]
         memset(filter.mean, 0, sizeof(filter.mean))
         memset(filter.covariance, 0, sizeof(filter.covariance))
-        filter.covariance[OF_NOZZLE][OF_NOZZLE] = explanation.nozzle * explanation.nozzle
+        nozzle = max(explanation.nozzle, spread)
+        filter.covariance[OF_NOZZLE][OF_NOZZLE] = nozzle * nozzle
         for k in range(<int64_t> FURTHER):
             filter.covariance[k][k] = explanation.further[k] * explanation.further[k]
         filter.covariance[OF_SLOPE][OF_SLOPE] = explanation.slope * explanation.slope
-        filter.log_weight, bank.walks[i], bank.bends[i] = log(explanation.odds), explanation.walk, explanation.bend
+        filter.log_weight, bank.walks[i] = log(explanation.odds), max(explanation.walk, spread)
+        bank.bends[i] = explanation.bend
 
 
 cdef inline void mix_filters(FilterBank* bank) noexcept nogil:

@@ -62,7 +62,8 @@ cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nog
     """Whether the flow, if there is any, is known well enough at a sample: sharply by the bank that follows it.
 
     Where none follows, or nothing flows, events must have shown it; as they must for a needle of an injector as
-    believed that falls, at whose flank the rate is as uncertain as the times of samples.
+    believed that falls, at whose flank the rate is as uncertain as the times of samples. There a flow that was often
+    another one than believed is not known.
     """
     cdef bint shown
     point, row = &observer.memory.operating_point, &observer.ring[position & MASK]
@@ -70,7 +71,7 @@ cdef bint is_flow_known(const Observer* observer, int64_t position) noexcept nog
     if not row.rate_sigma > 0.0:  # NaN is not, either
         return shown
     if shown and row.as_believed > BELIEVED and falls(point, row):
-        return True
+        return observer.memory.in_force.flow_spread < SHARP
     rate = max(point.flow / max(point.flowing, <int64_t> 1), row.injection_rate)
     return row.rate_sigma <= SHARP * max(rate, LEAST_SHARE * point.full_rate)
 

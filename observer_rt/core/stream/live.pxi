@@ -87,7 +87,7 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
     memset(g.indicated, 0, NUMBERS * sizeof(double))
     _take_line_slopes(s)
     live.needle[OPENING_DELAY] = OF_DELAY
-    begin_bank(&live.bank, WIDTHS)
+    begin_bank(&live.bank, WIDTHS, s.observer.memory.in_force.flow_spread)
     _point_at_newest(&g.tangent, &live.bank)
     _point_at_newest(&live.of_hat, &live.bank)
     if s.observer.constants.needle.stop > 0.0:
@@ -231,5 +231,5 @@ cdef double _rate_sigma(Stepping* s, const Sample* row, const double* by) noexce
         covariance = &bank.filters[0].covariance[0][0]
     if not shown and falls(point, row):
         nozzle = UNSEEN * by[newest_of(bank)]
-    seat = by[OF_SEAT] * (SEAT_SHARE if shown else UNSEEN)
+    seat = by[OF_SEAT] * (max(SEAT_SHARE, s.observer.memory.in_force.flow_spread) if shown else UNSEEN)
     return sqrt(variance_by(covariance, by) + nozzle * nozzle + seat * seat)

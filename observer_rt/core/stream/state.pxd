@@ -219,6 +219,7 @@ cdef struct Carried:
     double rail_to
     double known_from[RAIL_BINS]  # for a needle that falls
     double known_until[RAIL_BINS]
+    double flow_spread  # standard deviation, as a share, by which flows of late were others than believed
 
 # judgement.pxi: what innovations are to be like
 cdef struct InnovationNoise:

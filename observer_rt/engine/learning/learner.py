@@ -185,7 +185,10 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     if explanation.is_good:
         holds = abs(event_mass.moved_far(before.theta)) <= mass.HOLDS
         openings = mass.opening_points(explained.window, setting.interval)
-        state = replace(state, elsewhere=state.elsewhere.after(holds, openings, before.learned_at))
+        elsewhere = state.elsewhere.after(holds, openings, before.learned_at)
+        if before.learned_at and explanation.kind not in kinds.UNLIKE_BEFORE:
+            elsewhere = elsewhere.with_flow(mass.flow_off(again, before.theta - theta))
+        state = replace(state, elsewhere=elsewhere)
     in_force = theta
     if explanation.kind is kinds.QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)

@@ -48,6 +48,12 @@ LONGER = 30e-6  # s, by which events of one operating point differ
 FAILS = 0.05  # share of new operating points at which what was learned may fail
 HOLDS = 0.015  # of a mass, within which it holds
 FADING = 0.95  # weight of the new points before a new point
+FLOW_FADING = 0.8  # weight of the events before an event, in how far flows are off,
+FLOW_EVENTS = 2.0  # and of events that were not, before any
+USUALLY_OFF, FURTHEST_OFF = (
+    0.006,
+    0.02,
+)  # share of a flow, by which events differ anyway; for which one counts at most
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 
@@ -148,6 +154,13 @@ def volume_in(event: Resimulation, window: slice) -> float:
 def corrected_rate(event: Resimulation, window: slice) -> Floats:
     """Rate [m3/s] at the samples of a window of the event, by its own pressures."""
     return np.asarray((1.0 + event.moved) * event.run.rate[window], np.float64)
+
+
+def flow_off(event: Resimulation, change: Theta) -> float:
+    """Root mean square, as a share, by which a change (m,) of theta moves the rate while much flows."""
+    rate = event.run.rate
+    flows = rate > 0.5 * rate.max()
+    return float(np.sqrt(np.mean((event.run.slopes[flows] @ change / rate[flows]) ** 2))) if flows.any() else 0.0
 
 
 def stroke_in(event: Resimulation, window: slice) -> NeedleStroke | None:
@@ -291,13 +304,25 @@ class Transfer:
     held: float = 0.0
     failed: float = 0.0
     shown: tuple[EventPoint, ...] = ()  # openings of the events from the last one on at which it failed
+    squares: float = 0.0  # of shares by which flows were off, older ones counting less
+    events: float = 0.0  # number of these
 
     def after(self, holds: bool, openings: Sequence[EventPoint], learned_at: Sequence[EventPoint]) -> "Transfer":
         """The next value, after an event with these openings; learned_at: points of those before."""
-        shown = (*(self.shown if holds else ()), *openings)[-MOST_OPENINGS:]
+        after = replace(self, shown=(*(self.shown if holds else ()), *openings)[-MOST_OPENINGS:])
         if not learned_at or not is_new(openings[-1], learned_at):
-            return replace(self, shown=shown)
-        return Transfer(FADING * self.held + holds, FADING * self.failed + (not holds), shown)
+            return after
+        return replace(after, held=FADING * self.held + holds, failed=FADING * self.failed + (not holds))
+
+    def with_flow(self, off: float) -> "Transfer":
+        """The next value, after an event whose flow was off by a share."""
+        square = max(min(off, FURTHEST_OFF) ** 2 - USUALLY_OFF**2, 0.0)
+        return replace(self, squares=FLOW_FADING * self.squares + square, events=FLOW_FADING * self.events + 1.0)
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation by which flows of late were others than believed, beyond the usual, as a share."""
+        return math.sqrt(self.squares / (FLOW_EVENTS + self.events))
 
     @property
     def is_trusted(self) -> bool:

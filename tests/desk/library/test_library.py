@@ -27,9 +27,7 @@ Worn = tuple[Recording, pd.DataFrame]
 
 @pytest.fixture(scope="module")
 def worn() -> Worn:
-    return ort.simulate(
-        rail_pressure_MPa=[60, 100, 140], energizing_ms=[1.9, 1.0], injections=6, effects=WORN, seed=3
-    )
+    return ort.simulate(rail_pressure_MPa=[60, 100, 140], energizing_ms=[1.9, 1], injections=6, effects=WORN, seed=3)
 
 
 @pytest.fixture(scope="module")

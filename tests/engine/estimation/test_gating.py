@@ -40,9 +40,8 @@ def searched(information: Array, vector: Array, active: frozenset[int]) -> tuple
         used = [c for c in range(SIZE) if c not in off]
         theta = np.zeros(SIZE)
         theta[used] = np.linalg.lstsq(square_root[:, used], target, rcond=None)[0]
-        if any(
-            on and theta[c] < low for c, low, on in zip(GATE.columns, GATE.lowest.values(), switches, strict=True)
-        ):
+        lowest = zip(GATE.columns, GATE.lowest.values(), switches, strict=True)
+        if any(on and theta[c] < low for c, low, on in lowest):
             continue
         chi2 = float(np.sum((square_root @ theta - target) ** 2))
         on = frozenset(c for c in GATE.columns if c not in off)
@@ -96,12 +95,10 @@ def test_of_two_alike_the_first_stays_at_no_price_while_it_is_large(
     assert best_subset(mean, covariance, ALIKE_GATE, before, carried=True)[1] == (before if stays else frozenset())
 
 
-@pytest.mark.parametrize(
-    ("significance", "active", "enters"), [(7.0, {3}, False), (8.0, {3}, True), (5.0, set(), True)]
-)
-def test_of_two_alike_the_other_enters_at_a_high_price(significance: float, active: set[int], enters: bool) -> None:
+@pytest.mark.parametrize(("sigmas", "active", "enters"), [(7.0, {3}, False), (8.0, {3}, True), (5.0, set(), True)])
+def test_of_two_alike_the_other_enters_at_a_high_price(sigmas: float, active: set[int], enters: bool) -> None:
     mean = np.zeros(SIZE)
-    mean[[3, 4]] = 0.3, significance
+    mean[[3, 4]] = 0.3, sigmas
     assert (4 in best_subset(mean, np.eye(SIZE), ALIKE_GATE, frozenset(active))[1]) is enters
 
 

@@ -97,6 +97,14 @@ def test_a_new_point_at_which_it_failed_is_remembered_for_longer_than_one_at_whi
     assert trusted[-1]
 
 
+def test_flows_that_are_others_again_and_again_spread_and_one_is_forgotten() -> None:
+    again, once = Transfer(), Transfer().with_flow(0.5)
+    assert once.spread > 0.01
+    for _ in range(20):
+        again, once = again.with_flow(0.01), once.with_flow(0.005)
+    assert once.spread < 2e-3 < 0.006 < again.spread < 0.01
+
+
 @given(points, st.lists(points, max_size=16))
 def test_a_point_is_new_where_no_event_near_it_was_as_long(point: EventPoint, learned_at: list[EventPoint]) -> None:
     longer = [each for each in learned_at if each.log_open_time >= point.log_open_time]

@@ -20,11 +20,9 @@ from tests.plants.plant import Bench, Needle, record
 Curve = Callable[[Floats], Floats]
 
 
-def curves_after(
-    laws: Laws, rail_pressures: tuple[float, ...] = RAIL_PRESSURES
-) -> Mapping[tuple[str, str], LearnedLaw]:
+def curves_after(laws: Laws, rails: tuple[float, ...] = RAIL_PRESSURES) -> Mapping[tuple[str, str], LearnedLaw]:
     """Curves learned from 15 injections of an injector with such laws, by flow and variable."""
-    plant = Bench(Injector(), Needle(), in_turn(15, lambda _: HEALTHY, rail_pressures), seed=37, laws=laws)
+    plant = Bench(Injector(), Needle(), in_turn(15, lambda _: HEALTHY, rails), seed=37, laws=laws)
     bench = bench_at(plant.sample_rate)
     knowledge = evaluate(bench, [recording_of(record(plant))]).knowledge
     c = effective_model(bench.injector.parameters).coefficients

@@ -45,9 +45,7 @@ def test_masses_are_read_back(tmp_path: Path, mass: float, column: str, name: st
 
 @SAME_FILE
 @given(masses=st.dictionaries(st.integers(1, 3), MASSES, min_size=1), mean=MASSES, excel=st.booleans())
-def test_masses_of_injections_are_read_back(
-    tmp_path: Path, masses: dict[int, float], mean: float, excel: bool
-) -> None:
+def test_masses_of_injections_are_read(tmp_path: Path, masses: dict[int, float], mean: float, excel: bool) -> None:
     rows = [f"{mass},h_1.csv,{number}" for number, mass in masses.items()]
     text = "\n".join(["mass_mg,recording,injection", *rows, f"{mean},h_0.csv,", ""])
     if excel:

@@ -57,14 +57,7 @@ def test_a_request_is_answered_or_refused_in_words(kept: Path) -> None:
 
 @pytest.mark.parametrize(
     "line",
-    [
-        b"\n",
-        b"\xff\n",
-        b"[1]\n",
-        b'{"request": []}\n',
-        b"[" * 60_000 + b"\n",
-        b'{"request": "double", "of": 1e999}\n',
-    ],
+    [b"\n", b"\xff\n", b"[1]\n", b'{"request": []}\n', b"[" * 60000 + b"\n", b'{"request": "double", "of": 1e999}\n'],
 )
 def test_nonsense_is_refused_and_the_client_goes_on(client: socket.socket, line: bytes) -> None:
     with client.makefile("rb") as answers:

@@ -133,11 +133,8 @@ LEARNED = ("state", "account", "learned")
 MEAN = (*LEARNED, "belief", "mean")
 COVARIANCE = (*LEARNED, "belief", "covariance")
 NOT_RESTORED = {
-    "older version": (lambda document: document.update(version=1), f"version 1, not {VERSION} (observer_rt "),
-    "newer version": (
-        lambda document: document.update(version=VERSION + 1),
-        f"is version {VERSION + 1}, not {VERSION}",
-    ),
+    "older version": (lambda kept: kept.update(version=1), f"version 1, not {VERSION} (observer_rt "),
+    "newer version": (lambda kept: kept.update(version=VERSION + 1), f"is version {VERSION + 1}, not {VERSION}"),
     "another parameter": (put("columns", 0, value="lag"), "other parameters"),
     "a parameter too few": (put("columns", value=list(SCALARS.names[:-1])), "other parameters"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),

@@ -72,9 +72,7 @@ def test_each_step_is_undone_in_turn_to_the_letter(bench: Path, tmp_path: Path) 
     assert (worn(bench), bench.read_text()) == (0.1, texts[1])
     undo(bench)
     assert worn(bench) == 0.0
-    assert [line for line in bench.read_text().splitlines() if line] == [
-        line for line in texts[0].splitlines() if line
-    ]
+    assert [row for row in bench.read_text().splitlines() if row] == [row for row in texts[0].splitlines() if row]
     with pytest.raises(UserError, match="no model was taken over"):
         undo(bench)
 

@@ -124,10 +124,7 @@ def with_ratios(frame: pd.DataFrame) -> pd.DataFrame:
 )
 def accuracy(
     cases: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help=f"Of a class ({CASES}); of a line of tier B ({worn_lines.CASES}); of a kind, C (1)."
-        ),
+        int | None, typer.Option(min=1, help=f"Of a class ({CASES}); B: a line ({worn_lines.CASES}); C: a kind (1).")
     ] = None,
     classes: Annotated[str, typer.Option(help="Tier A: classes, C: settings, by commas (default: all).")] = "",
     seed: cli.SeedOption = 1,
@@ -148,14 +145,10 @@ def accuracy(
         return
     if tier is AccuracyTier.C:
         settings = cli.chosen_names(classes, "--classes", [*Setting], [*Setting])
-        _on_real_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, how)
+        _on_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, how)
         return
     names = cli.chosen_names(classes, "--classes", CLASSES, CLASSES)
-    todo = {
-        f"{name} {seed} {number}{how}": (name, seed, number, how)
-        for name in names
-        for number in range(cases or CASES)
-    }
+    todo = {f"{name} {seed} {n}{how}": (name, seed, n, how) for name in names for n in range(cases or CASES)}
     frame = with_ratios(run_cases("accuracy", score_case, todo, jobs, out))
     _conclude(frame, how, BARS, {"observer, from the fifth event on": table(frame, _EACH, COLUMNS)}, out)
 
@@ -193,9 +186,7 @@ def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, how: needles.How
     _conclude(frame, how, WORN_BARS, tables, out, left_out)
 
 
-def _on_real_injectors(
-    settings: Sequence[Setting], cases: int, seed: int, jobs: int, out: Path, how: needles.How
-) -> None:
+def _on_injectors(settings: Sequence[Setting], cases: int, seed: int, jobs: int, out: Path, how: needles.How) -> None:
     """Only whole ones with measured masses are more than healthy, or evenly worn; without a lift all have masses."""
     fits = [*itertools.product(settings, (True, False) if how.has_lift else (True,))]
     with ThreadPoolExecutor(jobs) as pool:

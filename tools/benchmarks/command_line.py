@@ -18,12 +18,8 @@ Tier = StrEnum("Tier", {"A": "A", "B": "B"})
 CasesOption = Annotated[int, typer.Option(min=0, help="How many.")]
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 JobsOption = Annotated[int, typer.Option(min=1, help="Processes.")]
-OutOption = Annotated[
-    Path | None, typer.Option(help="Folder for the rows (default: in build/); a run interrupted goes on.")
-]
-TierOption = Annotated[
-    Tier, typer.Option(help="A: a plant of the nominal structure. B: a richer one, to which `fit` fits.")
-]
+OutOption = Annotated[Path | None, typer.Option(help="Folder (default: in build/); a run interrupted goes on.")]
+TierOption = Annotated[Tier, typer.Option(help="A: a plant of the nominal structure. B: richer; `fit` fits to it.")]
 NoLiftOption = Annotated[bool, typer.Option("--no-lift", help="Without a lift: the needle by its commands alone.")]
 
 

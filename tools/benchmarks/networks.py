@@ -69,9 +69,7 @@ class LawlessLearner(Learner):
     """Ours, with the weights of its network held at 0."""
 
     def __init__(self, constants: Constants, start: Knowledge) -> None:
-        state = start.state.map(
-            lambda learned: replace(learned, belief=learned.belief.narrowed(WEIGHTS.tolist(), NARROW))
-        )
+        state = start.state.map(lambda each: replace(each, belief=each.belief.narrowed(WEIGHTS.tolist(), NARROW)))
         super().__init__(constants, replace(start, state=state))
 
 
@@ -147,9 +145,7 @@ def ratios(frame: pd.DataFrame) -> Row:
     row: Row = {"label": "ratios"}
     errors = {name: values_of(frame[frame["network"].eq(name)], "error_pct") for name in (OURS, WITHOUT, FILTER)}
     for name in (WITHOUT, FILTER):
-        row |= {
-            f"{how}_{name}": summed_up(errors[OURS], of) / summed_up(errors[name], of) for how, of in HOWS.items()
-        }
+        row |= {f"{by}_{name}": summed_up(errors[OURS], of) / summed_up(errors[name], of) for by, of in HOWS.items()}
     widths = [values_of(frame[frame["network"].eq(name)], "half_width_pct").mean() for name in (OURS, WITHOUT)]
     return row | {f"half_width_{WITHOUT}": widths[0] / widths[1]}
 

@@ -20,9 +20,7 @@ WORN = "nozzle +12 %"
 
 
 def main(
-    size: Annotated[
-        Setting, typer.Option(help="Which injector, in three sizes, whole or less so.")
-    ] = Setting.HEAVY_DUTY,
+    size: Annotated[Setting, typer.Option(help="Which injector, of three sizes, whole or not.")] = Setting.HEAVY_DUTY,
     seed: Annotated[int, typer.Option(help="Of what sets it apart from its drawing, and of noise.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder for recordings, models and pictures.")] = Path("real"),
 ) -> None:

@@ -237,13 +237,11 @@ def _published_masses(live: Array, injections: Sequence[Injection]) -> Array:
     return masses
 
 
-def estimate_of(
-    rate: Array, outcome: Outcome, windows: Windows, density: float, x3_error: Array | None = None
-) -> Estimate:
+def estimate_of(rate: Array, outcome: Outcome, windows: Windows, density: float, x3: Array | None = None) -> Estimate:
     """Of an estimator's rate [m3/s] at every sample, and of its normalised sac pressure if it has one."""
     off = (rate - outcome.truth.injection_rate) / MM3_PER_MS
-    x3 = np.array(windows.mean_squares(np.full(rate.size, np.nan) if x3_error is None else x3_error))
-    return Estimate(windows.masses(rate, density) / MILLIGRAM, np.array(windows.mean_squares(off)), x3)
+    squares = np.array(windows.mean_squares(np.full(rate.size, np.nan) if x3 is None else x3))
+    return Estimate(windows.masses(rate, density) / MILLIGRAM, np.array(windows.mean_squares(off)), squares)
 
 
 def bench_text(*changes: tuple[str, str]) -> str:

@@ -107,9 +107,7 @@ def _is_current(state: str) -> bool:
 def _sources_state() -> str:
     """What the modules beside the sources are made of: a line a file, each module among them."""
     times = [f"{path} {path.stat().st_mtime_ns}" for path in _sources()]
-    existing = [
-        name + ending for name in _module_names() for ending in (SUFFIX, STUB) if (CORE / (name + ending)).exists()
-    ]
+    existing = [file for name in _module_names() for file in (name + SUFFIX, name + STUB) if (CORE / file).exists()]
     return "\n".join([_kind().folder, *times, *existing])
 
 

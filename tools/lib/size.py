@@ -17,9 +17,7 @@ SLACK = 300  # lines below the limit from which on it is to be lowered
 
 def tracked_files(folder: str) -> list[Path]:
     """Files below a folder that git tracks."""
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", folder], cwd=REPOSITORY, capture_output=True, text=True, check=True
-    ).stdout
+    listed = subprocess.check_output(["git", "ls-files", "-z", folder], cwd=REPOSITORY, text=True)
     return [path for name in listed.split("\0") if name and (path := REPOSITORY / name).is_file()]
 
 

@@ -57,11 +57,7 @@ def database_with_signals(text: str, messages: Mapping[int, Any] = MESSAGES) -> 
         text = text[: block.start(1)] + written + text[block.end(1) :]
         says = {name: f'"{row.says}"' for name, row in rows.items() if row.says}
         missing = {name: str(_top(row)) for name, row in rows.items() if row.quantity is not None}
-        error = {
-            name: str(_top(row) - 1)
-            for name, row in rows.items()
-            if row.quantity is not None and row.quantity.has_error
-        }
+        error = {name: str(_top(row) - 1) for name, row in rows.items() if row.quantity and row.quantity.has_error}
         for kind, said in (("CM_", says), ('BA_ "GenSigSNA"', missing), ('BA_ "GenSigError"', error)):
             text = _with_lines(text, f"{kind} SG_ {number}", said)
     return text

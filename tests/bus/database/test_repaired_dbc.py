@@ -103,9 +103,7 @@ def test_a_comment_refuses_no_database(tmp_path: Path, before: str, comment: str
     path.write_text(text.replace(before, f"{comment}\n{before}", 1))
     with pytest.raises(UserError, match="lenient = true"):
         load_database(path)
-    comments = [
-        signal.comment for message in load_database(path, lenient=True).messages for signal in message.signals
-    ]
+    comments = [signal.comment for frame in load_database(path, lenient=True).messages for signal in frame.signals]
     assert comments == [None, "BO_ 101 is its message; VAL_ 100 A", None, None]
     assert overlooked_faults(path) == [f"{comment.splitlines()[0]}: this comment is left out"]
 

@@ -207,9 +207,7 @@ def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
     made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
     write_recording(tmp_path / "worn.csv", made.recording)
     *lines, lag = printed(recorded + reported, tmp_path)
-    assert [re.sub(r"\d+\.\d mg", "x mg", line) for line in lines] == [
-        f"{number}: x mg valid" for number in (1, 2, 3)
-    ]
+    assert [re.sub(r"\d+\.\d mg", "x mg", line) for line in lines] == [f"{n}: x mg valid" for n in (1, 2, 3)]
     assert re.fullmatch(r"\{'value': \S+, 'ci95': \[\S+, \S+\], 'unit': 's'\}", lag)
     assert printed(framed, tmp_path) == ["1 frame with a wrong CRC"]
     heading, *rows = printed(first, tmp_path)

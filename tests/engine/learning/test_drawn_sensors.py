@@ -15,9 +15,7 @@ from tests.plants.plant import Bench, Needle, Surroundings
 
 SENSORS = 0.7  # %
 LINE = Accuracy(line_diameter_percent=1.0, line_length_percent=0.5, parallel_flow_percent=0.0)
-KNOWN = Accuracy(
-    line_diameter_percent=0.0, line_length_percent=0.0, fuel_density_percent=0.0, parallel_flow_percent=0.0
-)
+KNOWN = Accuracy(line_diameter_percent=0, line_length_percent=0, fuel_density_percent=0, parallel_flow_percent=0)
 FALLS, RECOVERS, DIP = 0.8e-3, 6e-3, 2e6  # s, s, Pa: of a rail that feeds an injection
 
 

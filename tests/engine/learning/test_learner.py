@@ -70,10 +70,7 @@ def test_adopted_phi_takes_force() -> None:
 
 @pytest.mark.parametrize(
     "damage",
-    [
-        lambda output: np.where(np.arange(output.size) == 300, np.nan, output),
-        lambda output: np.full(output.size, np.inf),
-    ],
+    [lambda p_l: np.where(np.arange(p_l.size) == 300, np.nan, p_l), lambda p_l: np.full(p_l.size, np.inf)],
     ids=["one sample no number", "infinite"],
 )
 def test_event_that_cannot_be_learned_from_changes_nothing(damage: Callable[[Vector], Vector]) -> None:

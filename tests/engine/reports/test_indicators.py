@@ -27,9 +27,7 @@ def test_nozzle_change_is_that_of_the_injection_rate() -> None:
     c = coefficients(NOMINAL)
     c = c._replace(nozzle=c.nozzle._replace(transition=1e-9))
     changed = phi_and_rate(X, (*U, OPENED_SINCE), c, network_of(worn()))[1]
-    assert nozzle_change(worn(), X, U)[0] == pytest.approx(
-        changed / phi_and_rate(X, U, c, constant_network())[1] - 1.0
-    )
+    assert nozzle_change(worn(), X, U)[0] == pytest.approx(changed / phi_and_rate(X, U, c, constant_network())[1] - 1)
 
 
 def test_slopes_are_derivatives() -> None:

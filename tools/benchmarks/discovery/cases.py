@@ -86,11 +86,7 @@ def nominal_cases(effects: Sequence[str], count: int, rates: Sequence[bool], see
         kinds = [] if effect == HEALTHY else [HIDDEN[effect]]
         return _drawn(key, Query.SINGLE if kinds else Query.HEALTHY, kinds, with_rate, None)
 
-    kinds = [
-        (effect, rates[(number + turn) % len(rates)])
-        for turn in range(len(rates))
-        for number, effect in enumerate(effects)
-    ]
+    kinds = [(name, rates[(n + turn) % len(rates)]) for turn in range(len(rates)) for n, name in enumerate(effects)]
     cases = [case(*kinds[i % len(kinds)], i // len(kinds)) for i in range(count)]
     return cases + [case(HEALTHY, rates[i % len(rates)], i // len(rates)) for i in range(count)]
 

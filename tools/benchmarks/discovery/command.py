@@ -40,12 +40,8 @@ def discovery(
     ] = "",
     rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
     tier: cli.TierOption = cli.Tier.A,
-    healthy: Annotated[
-        int | None, typer.Option(min=0, help="Tier B: healthy cases, beside the others (default: a fifth).")
-    ] = None,
-    discrepancy: Annotated[
-        list[Discrepancy] | None, typer.Option(help="Tier B: of the plants; repeatable (default: all).")
-    ] = None,
+    healthy: Annotated[int | None, typer.Option(min=0, help="Tier B: so many healthy (default: a fifth).")] = None,
+    discrepancy: Annotated[list[Discrepancy] | None, typer.Option(help="Tier B; repeatable (default: all).")] = None,
     is_outside: Annotated[
         bool, typer.Option("--outside", help="Instead: what no vocabulary has, and what is proposed for it.")
     ] = False,

@@ -40,10 +40,8 @@ def creeping_sensor(share: float) -> Step:
     return seen_as(LINE, seen)
 
 
-def _law(
-    name: str, lowest: float, highest: float, both: bool = False, fault: str | None = None
-) -> kinds.HiddenParameter:
-    return kinds.HiddenParameter(name, name if fault is None else fault, lowest, highest, -highest if both else 0.0)
+def _law(name: str, low: float, high: float, both: bool = False, fault: str | None = None) -> kinds.HiddenParameter:
+    return kinds.HiddenParameter(name, name if fault is None else fault, low, high, -high if both else 0.0)
 
 
 _size = partial(_law, fault="")
@@ -54,8 +52,7 @@ _LIFT_MEMORY = _law("lift_memory", 0.08 * MS, 0.25 * MS)
 _KINDS = (
     _K("laminar_friction", _FLOW, (_law("line_laminar", 80.0, 400.0),)),
     _K("friction_by_pressure", _FLOW, (_law("pressure_friction", 1.0, 2.2, both=True),)),
-    _K("slow_friction", _FLOW,
-        (_law("slow_friction", 100.0, 500.0), _law("flow_memory", 0.15 * MS, 0.6 * MS))),
+    _K("slow_friction", _FLOW, (_law("slow_friction", 100.0, 500.0), _law("flow_memory", 0.15 * MS, 0.6 * MS))),
     # Pa s/m3: 1 to 5 MPa at 60 mm3/ms
     _K("slow_damper", _FLOW, (_law("damper", 1.7e10, 8e10), _law("flow_memory", 0.3 * MS, 1.0 * MS))),
     _K("stiction", _FLOW, (_law("stiction", 0.2 * MPA, 1.0 * MPA),), in_library=False),
@@ -110,8 +107,7 @@ _KINDS = (
         step=lambda frequency: resonant_line(frequency, TAP_DAMPING)),
     _K("drifting_sensor", _SENSOR, (_size("rate", 5.0 * MPA, 20.0 * MPA, both=True),),  # of the rate, per second
         without_rate=kinds.MOMENTUM, step=lambda rate: seen_as(LINE, lambda time, p: p + rate * time)),
-    _K("creeping_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),), in_library=False,
-        step=creeping_sensor),
+    _K("creeping_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),), in_library=False, step=creeping_sensor),
 )  # fmt: skip
 KINDS = {kind.name: kind for kind in _KINDS}
 VOCABULARY_KINDS = EFFECTS | {

@@ -102,9 +102,7 @@ def faults(
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
     live: Annotated[int, typer.Option(min=0, help="So many with a daemon on vcan0, too, in `tools/vcan`.")] = 0,
-    daemons: Annotated[
-        int, typer.Option(min=0, help="So many daemons killed, without room on the disk, without power.")
-    ] = 0,
+    daemons: Annotated[int, typer.Option(min=0, help="So many daemons killed, without disk space or power.")] = 0,
     no_lift: cli.NoLiftOption = False,
 ) -> None:
     """Everything that may go wrong with sensors, bus, clocks and processes, every row of the table in turn."""
@@ -112,10 +110,7 @@ def faults(
     rows = WITHOUT_LIFT if no_lift else TABLE
     names = entries(TABLE, cli.chosen_names(only, "--only", rows, rows))
     model = worn_model(Discrepancy.PLAIN, seed, out) if tier is cli.Tier.B and cases else None
-    todo = {
-        f"{task.label}{' by commands' * no_lift}": (task, model, not no_lift)
-        for task in tasks(TABLE, names, cases, seed)
-    }
+    todo = {f"{t.label}{' by commands' * no_lift}": (t, model, not no_lift) for t in tasks(TABLE, names, cases, seed)}
     frames = [run_cases("faults", score_scenario, todo, jobs, out)]
     if live:
         frames.append(frame_of(on_bus.run_live(live, seed, out / "live")))

@@ -52,10 +52,8 @@ def hum(frequency: float) -> Wave:
     return lambda t, v, size, rng: v + size * np.sin(2.0 * math.pi * (frequency * t + rng.random()))
 
 
-def _coloured(corner: float) -> Wave:
-    return lambda t, v, size, rng: (
-        v + filters.coloured_noise(rng.normal(0.0, size, t.size), float(t[1] - t[0]), corner)
-    )
+def _coloured(knee: float) -> Wave:
+    return lambda t, v, size, rng: v + filters.coloured_noise(rng.normal(0.0, size, t.size), float(t[1] - t[0]), knee)
 
 
 def _pink(time: Array, values: Array, size: float, rng: Generator) -> Array:
@@ -90,13 +88,9 @@ def _at_moments(rate: float, length: Callable[[float, float, Generator], int], p
     return wave
 
 
-_spikes = _at_moments(
-    40.0, lambda _, __, rng: int(rng.integers(1, 4)), lambda part, size, rng: part + sign(rng) * size
-)
+_spikes = _at_moments(40.0, lambda _, __, rng: int(rng.integers(1, 4)), lambda v, size, rng: v + sign(rng) * size)
 _many_spikes = _at_moments(400.0, lambda *_: 1, lambda part, size, rng: part + sign(rng) * size)
-_bursts = _at_moments(
-    8.0, lambda _, dt, __: round(BURST / dt), lambda part, size, rng: part + rng.normal(0.0, size, part.size)
-)
+_bursts = _at_moments(8.0, lambda _, dt, __: round(BURST / dt), lambda v, size, rng: v + rng.normal(0, size, v.size))
 
 
 def dropouts(share: float) -> Callable[[Part], Signals]:
@@ -272,10 +266,8 @@ def swapped(sources: Mapping[str, tuple[str, float]]) -> Callable[[Part], Signal
 
 def _square(role: str) -> Wave:
     """Between the lowest value and a share of the range, 60 times a second."""
-    high = _LOWEST[role] + SPAN[role]
-    return lambda t, v, size, rng: np.where(
-        np.sin(2 * math.pi * 60.0 * t + rng.random()) > 0.0, size * high, _LOWEST[role]
-    )
+    low, high = _LOWEST[role], _LOWEST[role] + SPAN[role]
+    return lambda t, v, size, rng: np.where(np.sin(2 * math.pi * 60.0 * t + rng.random()) > 0.0, size * high, low)
 
 
 def _of_range(role: str, share: Wave) -> Wave:

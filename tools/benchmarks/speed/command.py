@@ -102,9 +102,7 @@ def speed(
 
 
 @cli.app.command(epilog="Example: tools/bench soak --minutes 60")
-def soak(
-    minutes: Annotated[float, typer.Option(min=0.1, help="How long.")] = 10.0, out: cli.OutOption = None
-) -> None:
+def soak(minutes: Annotated[float, typer.Option(min=0.1, help="Length.")] = 10.0, out: cli.OutOption = None) -> None:
     """A learning daemon at 100 kHz, its Python paused at random: does memory grow, are samples lost?"""
     out = out or Path("build/soak")
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:

@@ -13,7 +13,7 @@ from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery import answers, nominal, real_line, scoring
 from tools.benchmarks.discovery.answers import Answer, Grade, calibration, calibration_error
-from tools.benchmarks.discovery.cases import HiddenCase, Query, nominal_cases, real_case
+from tools.benchmarks.discovery.cases import SERVO_HIDDEN, HiddenCase, Query, nominal_cases, real_case, servo_cases
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.rigs import GIVEN, Rig
 from tools.benchmarks.discovery.scoring import gaps
@@ -185,3 +185,17 @@ def test_a_case_on_a_real_line_is_scored_with_the_model_of_its_rig(monkeypatch: 
     assert "MPa" in row["gaps"]
     with pytest.raises(RunError, match="no fit"):
         real_line.score_real(case, "no fit")
+
+
+def test_tier_c_hides_everything_in_turn_in_injectors_with_a_pilot_valve(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = servo_cases(2, 1)
+    assert [case.name for case in cases] == [*SERVO_HIDDEN, *["healthy"] * 4] * 2
+    plants = {(case.name, case.rig and case.rig.discrepancy) for case in cases}
+    assert plants == {(name, plant) for name in (*SERVO_HIDDEN, "healthy") for plant in ("car", "heavy duty")}
+    answering(monkeypatch, answers, cases[1].parts)
+    row = real_line.score_real(cases[1], NOMINAL_INJECTOR)
+    assert (row["grade"], row["accused"], row["wrong_and_sure"]) == (Grade.RIGHT, False, False)
+    assert real_line.facts_of(cases[-1], answer("named", "seat_area"))["accused"]
+    for equation, right in (("line_flow", True), ("needle_lift", False)):
+        row = real_line.facts_of(cases[11], answer("unknown", equations=(equation,)))
+        assert (row["grade"], row["right_equation"]) == (Grade.RIGHT, right)

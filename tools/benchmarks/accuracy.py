@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,7 +26,6 @@ CASES = 60  # per class
 PEER = "peer"
 PEER_KINDS = ("orifice_area", "seat_area", "orifice_and_seat_area", "line_friction", "healthy")  # of its states
 ERRORS, RMSE = "observer_errors_pct", "observer_rmse"
-AccuracyTier = StrEnum("AccuracyTier", {"A": "A", "B": "B", "C": "C"})
 _MAIN, _WELL = "group == 'main'", "group in ['main', 'operation']"
 _WORN = "class_name == 'orifice_area' and abs(nozzle_wear) >= 0.1"  # where the ratio of x3 counts
 _EACH = "class_name"
@@ -132,18 +130,15 @@ def accuracy(
     out: cli.OutOption = None,
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Only our observer.")] = False,
     no_lift: cli.NoLiftOption = False,
-    tier: Annotated[
-        AccuracyTier,
-        typer.Option(help="A: a plant of the nominal structure. B: richer, C: realistic; `fit` fits to it."),
-    ] = AccuracyTier.A,
+    tier: cli.AnyTierOption = cli.AnyTier.A,
 ) -> None:
     """Error of mass and rate on independent plants, against the true rate, class by class."""
     out = out or Path(f"build/accuracy-{tier}{'-no-lift' * no_lift}")
     how = needles.How(not no_peers, not no_lift)
-    if tier is AccuracyTier.B:
+    if tier is cli.AnyTier.B:
         _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, how)
         return
-    if tier is AccuracyTier.C:
+    if tier is cli.AnyTier.C:
         settings = cli.chosen_names(classes, "--classes", [*Setting], [*Setting])
         _on_injectors([Setting(name) for name in settings], cases or 1, seed, jobs, out, how)
         return

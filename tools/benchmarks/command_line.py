@@ -14,12 +14,17 @@ JOBS = os.cpu_count() or 1
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 Tier = StrEnum("Tier", {"A": "A", "B": "B"})
 """Which plant is measured. A: of the nominal structure; B: richer, with travelling waves."""
+AnyTier = StrEnum("AnyTier", {"A": "A", "B": "B", "C": "C"})
+"""C: realistic injectors."""
 
 CasesOption = Annotated[int, typer.Option(min=0, help="How many.")]
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 JobsOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[Path | None, typer.Option(help="Folder (default: in build/); a run interrupted goes on.")]
 TierOption = Annotated[Tier, typer.Option(help="A: a plant of the nominal structure. B: richer; `fit` fits to it.")]
+AnyTierOption = Annotated[
+    AnyTier, typer.Option(help="A: a plant of the nominal structure. B: richer, C: realistic; `fit` fits to it.")
+]
 NoLiftOption = Annotated[bool, typer.Option("--no-lift", help="Without a lift: the needle by its commands alone.")]
 
 

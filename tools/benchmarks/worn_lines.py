@@ -29,7 +29,7 @@ WEIGHED_SIGMA = 0.003  # of a mean mass
 
 def worn_case(discrepancy: Discrepancy, seed: int, number: int) -> Case:
     """A case with constant wear; odd numbers have another operating point at each event, even ones a single point."""
-    rng = np.random.default_rng([seed, discrepancy.number, number, zlib.crc32(b"worn")])
+    rng = np.random.default_rng([seed, [*Discrepancy].index(discrepancy), number, zlib.crc32(b"worn")])
     faults = Faults(orifice_area=rng.uniform(-NOZZLE, NOZZLE), seat_area=rng.uniform(-SEAT, SEAT))
     points = [(rng.uniform(*RAIL_PRESSURES), rng.uniform(*DURATIONS)) for _ in range(EVENTS)]
     points = points if number % 2 else [points[0]] * EVENTS

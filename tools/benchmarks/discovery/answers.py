@@ -61,7 +61,7 @@ class Answer:
     """What findings.json says; listed: all ids an ambiguous answer leaves open.
 
     amended_model: the text of the file, or of the model given where nothing is amended; core_seconds: of processor
-    time, all its processes.
+    time, all its processes; equations: of the terms proposed first.
     """
 
     verdict: str
@@ -69,6 +69,7 @@ class Answer:
     smallest: tuple[Row, ...]
     amended_model: str
     core_seconds: float
+    equations: tuple[str, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -110,7 +111,9 @@ def ask(recordings: Sequence[Path], folder: Path, model: Path, choose: bool) -> 
     name = findings.get("amended_model")
     amended = (folder / name).read_text() if name else model.read_text()
     effects, smallest = tuple(findings["effects"]), tuple(findings.get("smallest_visible", ()))
-    return Answer(findings["verdict"], effects, smallest, amended, used)
+    proposals = (findings.get("unknown") or {}).get("proposals", [])
+    equations = tuple(term["equation"] for proposal in proposals[:1] for term in proposal["terms"])
+    return Answer(findings["verdict"], effects, smallest, amended, used, equations)
 
 
 def _findings(command: Sequence[str], folder: Path) -> dict[str, Any]:

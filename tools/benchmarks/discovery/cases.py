@@ -1,4 +1,4 @@
-"""Hidden cases of the three campaigns, and the benches that record them. Imports nothing of `observer_rt`.
+"""Hidden cases of the campaigns, and the benches that record them. Imports nothing of `observer_rt`.
 
 Labels and draws follow from a master seed; the first cases of a larger number are those of a smaller one.
 """
@@ -14,6 +14,7 @@ from numpy.random import Generator
 
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import SAMPLE_RATE, Bench, Event, Shot, Surroundings, drawn_needle
+from tests.plants.real import Setting
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.kinds import RECIPROCAL, HiddenKind
 from tools.benchmarks.discovery.laws import ALL_KINDS, KINDS, NOT_IN, PRODUCT_KINDS, VOCABULARY_KINDS
@@ -23,6 +24,13 @@ from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, EFFECTS, HIDDEN, 
 HEALTHY = "healthy"
 NOMINAL_INJECTIONS, REAL_INJECTIONS, OUTSIDE_INJECTIONS = 2, 3, 4  # in each recording
 REAL_SHARES = {"healthy": 0.20, "pair": 0.15, "outside": 0.15}  # the rest are single effects
+SERVO = (Setting.CAR, Setting.HEAVY_DUTY)
+SERVO_HIDDEN = (
+    *("orifice_area", "seat_area", "line_friction", "bulk_modulus", "entrained_air", "guide_leakage"),
+    *("line_pressure_sensor_lag", "needle_lift_sensor_lag", *OUTSIDE, "stop_loss", "viscous_nozzle"),
+)
+"""Hidden in injectors with a pilot valve, as well visible as in a pair."""
+FITTED_KINDS = KINDS | ALL_EFFECTS
 Points = Sequence[tuple[float, float]]
 
 
@@ -137,8 +145,21 @@ def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
     asked = Query.HEALTHY if not names else Query.SINGLE if len(names) == 1 else Query.PAIR
     asked = Query.OUTSIDE if any(name in OUTSIDE for name in names) else asked
     from_share = PAIR_FROM if asked is Query.PAIR else None
-    key = [rig.seed, number, rig.discrepancy.number, int(rig.with_rate), *(zlib.crc32(n.encode()) for n in names)]
+    key = [rig.seed, number, rig.number, int(rig.with_rate), *(zlib.crc32(n.encode()) for n in names)]
     return _drawn(key, asked, [ALL_EFFECTS[name] for name in names], rig.with_rate, rig, from_share)
+
+
+def servo_cases(count: int, seed: int, chosen: Sequence[str] = ()) -> list[HiddenCase]:
+    """Tier C: so many of every effect and law, and four times as many healthy ones, in turn; chosen: of these."""
+    hidden = [name for name in (*SERVO_HIDDEN, *[HEALTHY] * 4) if not chosen or name in chosen]
+    cases = []
+    for number, name in enumerate(hidden * count):
+        rig = Rig(SERVO[(number + number // len(hidden)) % len(SERVO)], False, seed)
+        asked = Query.HEALTHY if name == HEALTHY else Query.SINGLE if name in EFFECTS else Query.OUTSIDE
+        key = [seed, number, zlib.crc32(f"{rig.discrepancy} {name}".encode())]
+        kinds = [FITTED_KINDS[name]] if name != HEALTHY else []
+        cases.append(_drawn(key, asked, kinds, False, rig, PAIR_FROM))
+    return cases
 
 
 def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
@@ -146,7 +167,7 @@ def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[B
     assert case.rig is not None
     rng = _of_points(case, points)
     healthy = [bench_of(case.rig, point, REAL_INJECTIONS, rng, noise) for point in points]
-    return [_with_hidden(bench, case, ALL_EFFECTS) for bench in healthy]
+    return [_with_hidden(bench, case, FITTED_KINDS) for bench in healthy]
 
 
 def outside_cases(

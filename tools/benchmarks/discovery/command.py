@@ -17,29 +17,30 @@ from tools.benchmarks.discovery.answers import calibration
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.laws import ALL_KINDS
 from tools.benchmarks.discovery.rigs import Rig
-from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, OUTSIDE
+from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, HIDDEN
 
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
 @cli.app.command(
     epilog="Examples: tools/bench discovery --cases 40 --effects lift_offset,seat_area --rate without; "
-    "tools/bench discovery --tier B --cases 20 --discrepancy taper; tools/bench discovery --outside --cases 0"
+    "tools/bench discovery --tier B --cases 20 --discrepancy taper; tools/bench discovery --tier C; "
+    "tools/bench discovery --outside --cases 0"
 )
 def discovery(
     cases: Annotated[
         int | None,
         typer.Option(
             min=0,
-            help=f"Faulty cases, and as many healthy ones ({nominal.CASES}); of all kinds together in tier B "
-            f"({real_line.CASES}) and outside ({outside.CASES}; 0: one of everything for each --rate).",
+            help=f"Faulty cases, and as many healthy ones ({nominal.CASES}); in tier B of all kinds "
+            f"({real_line.CASES}), in C of each (1); outside of all ({outside.CASES}; 0: each with each --rate).",
         ),
     ] = None,
     effects: Annotated[
         str, typer.Option(help="Hidden effects, by commas (default: all); tier B: also a+b, healthy, or an asking.")
     ] = "",
-    rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
-    tier: cli.TierOption = cli.Tier.A,
+    rate: Annotated[str, typer.Option(help="Measured rate: without, with or both; tier C: without.")] = "both",
+    tier: cli.AnyTierOption = cli.AnyTier.A,
     healthy: Annotated[int | None, typer.Option(min=0, help="Tier B: so many healthy (default: a fifth).")] = None,
     discrepancy: Annotated[list[Discrepancy] | None, typer.Option(help="Tier B; repeatable (default: all).")] = None,
     is_outside: Annotated[
@@ -52,6 +53,8 @@ def discovery(
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
         raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
+    if is_outside and tier is cli.AnyTier.C:
+        raise UserError("--outside", "has no tier C", "leave one out: --tier C hides laws as well")
     plants, rates = tuple(discrepancy or Discrepancy), RATES[rate]
     out = out or Path(f"build/discovery{'-outside' if is_outside else ''}-{tier}")
     if is_outside:
@@ -65,17 +68,22 @@ def discovery(
             if "asked" in frame and frame["asked"].eq(asked).any()
         }
         bars, misses = outside.bars(str(tier)), outside.misses(frame)
-    elif tier is cli.Tier.B:
-        cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, campaigns.HEALTHY), ())
-        count = real_line.CASES if cases is None else cases
+    elif tier is not cli.AnyTier.A:
+        is_servo = tier is cli.AnyTier.C
+        choices = (*(campaigns.SERVO_HIDDEN if is_servo else ALL_EFFECTS), campaigns.HEALTHY)
+        cli.chosen_names(effects.replace("+", ","), "--effects", choices, ())
         names = [name for name in effects.split(",") if name]
-        hidden = campaigns.real_cases(count, healthy, rates, plants, seed, names)
+        if is_servo:
+            hidden, bars = campaigns.servo_cases(cases or 1, seed, names), real_line.SERVO_BARS
+        else:
+            count = real_line.CASES if cases is None else cases
+            hidden, bars = campaigns.real_cases(count, healthy, rates, plants, seed, names), real_line.BARS
         frame = _run(real_line.score_real, hidden, jobs, out)
         tables = {
             "effects, alone, in pairs and without a name": table(frame, "hidden", real_line.COLUMNS),
             "plants": table(frame, "discrepancy", real_line.PLANT_COLUMNS),
         }
-        bars, misses = real_line.BARS, real_line.misses(frame)
+        misses = real_line.misses(frame)
     else:
         chosen = cli.chosen_names(effects, "--effects", HIDDEN, HIDDEN)
         hidden = campaigns.nominal_cases(chosen, nominal.CASES if cases is None else cases, rates, seed)

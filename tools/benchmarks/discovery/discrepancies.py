@@ -33,10 +33,6 @@ class Discrepancy(StrEnum):
     MOUNTING = "mounting"  # of the line-pressure sensor, in a hole that resonates
     STEP = "step"  # of the line's area
 
-    @property
-    def number(self) -> int:
-        return list(Discrepancy).index(self)
-
 
 @dataclass(frozen=True)
 class Plant:

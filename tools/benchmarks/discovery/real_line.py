@@ -1,4 +1,4 @@
-"""Tier B: effects, pairs and what has no name hidden in plants that no model contains, to which `fit` fits first."""
+"""Tiers B and C: effects, pairs and what has no name hidden in plants that no model contains, to which `fit` fits."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,12 +8,14 @@ import pandas as pd
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError
+from tests.plants.real import Setting
 from tools.benchmarks.campaign import Bar, How, Row, tally
 from tools.benchmarks.discovery import answers, scoring
-from tools.benchmarks.discovery.cases import HiddenCase, Query, real_benches
+from tools.benchmarks.discovery.cases import FITTED_KINDS, HiddenCase, Query, real_benches
 from tools.benchmarks.discovery.kinds import near_tie, same_effect
-from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches
+from tools.benchmarks.discovery.rigs import FURTHER, Rig, healthy_benches
 from tools.benchmarks.fitting import fitted_model
+from tools.benchmarks.real_injectors import real_model
 
 CASES = 150
 SURELY_VISIBLE = 3.0  # times the smallest visible size: from there on an effect must be named
@@ -28,6 +30,8 @@ def model_of(rig: Rig, out: Path) -> Path | str:
         return scoring.write_all(healthy_benches(rig), rig.with_rate, folder / "healthy")
 
     try:
+        if isinstance(rig.discrepancy, Setting):
+            return real_model(rig.discrepancy, rig.seed, weighed=True, out=out / "rigs")
         return fitted_model(out / "rigs" / rig.name, recorded)
     except RunError as error:
         return str(error)
@@ -37,15 +41,17 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
     """Record a case, ask with the fitted model of its rig, and judge the answer. Raises RunError without a model."""
     if isinstance(model, str):
         raise RunError(model)
+    assert case.rig is not None
     with TemporaryDirectory(prefix="discovery-") as name:
-        files = scoring.write_all(real_benches(case, GIVEN), case.with_rate, Path(name) / "given")
+        files = scoring.write_all(real_benches(case, case.rig.points), case.with_rate, Path(name) / "given")
         answer = answers.ask(files, Path(name) / "answer", model, choose=False)
     row, fitted = facts_of(case, answer), load_injector(model)
     row["adequate"] = fitted.baseline is not None and fitted.baseline.adequate
     truth = scoring.in_terms_of(fitted, case)
     if row["named_right"]:
         row["held"] = scoring.held_intervals(truth, answer)
-    if answer.verdict == answers.NAMED and answer.amended_model != model.read_text():
+    is_amended = answer.verdict == answers.NAMED and answer.amended_model != model.read_text()
+    if is_amended and not isinstance(case.rig.discrepancy, Setting):
         amended = scoring.injector_of(answer.amended_model)
         models = fitted, amended, scoring.with_effects(amended, truth)
         misfits = scoring.gaps(real_benches(case, FURTHER, 0.0), models)
@@ -91,6 +97,7 @@ def facts_of(case: HiddenCase, answer: answers.Answer) -> Row:
     )
     grade = answers.Grade.AMBIGUOUS if is_open else answers.Grade.RIGHT if right else answers.Grade.WRONG
     confidences = answer.confidences(is_hidden)
+    equations = frozenset[str]().union(*(FITTED_KINDS[name].equations(case.with_rate) for name in effects))
     return {
         "hidden": case.name,
         "text": case.text,
@@ -100,7 +107,9 @@ def facts_of(case: HiddenCase, answer: answers.Answer) -> Row:
         "named_right": named_right,
         "counted": counted,
         "right": right,
+        "right_equation": bool(answer.equations) and equations.issuperset(answer.equations),
         "grade": grade if counted else answers.Grade.NOT_LOOKED_FOR,
+        "accused": case.asked is Query.HEALTHY and not right,
         "half_right": case.asked is Query.PAIR and not right and is_named and any(map(is_hidden, names)),
         "wrong_and_sure": is_named and any(each <= -answers.CONFIDENT for each in confidences),
         "confidences": confidences,
@@ -122,6 +131,13 @@ def misses(frame: pd.DataFrame) -> list[str]:
     ]
 
 
+SERVO_BARS = (
+    Bar("right_share", "right", "mean", least=13 / 16, of="kind != 'healthy'"),
+    Bar("healthy_accused", "accused", "sum", most=0),
+    Bar("wrong_and_sure", "wrong_and_sure", "sum", most=0),
+    Bar("laws_in_their_equation", "right_equation", "sum", of="kind == 'outside'"),
+    Bar("core_seconds_max", "core_seconds", "max"),
+)
 _OF = "counted == True and kind == '{}'"
 BARS = (
     Bar("healthy_right_share", "right", "mean", least=0.98, of=_OF.format("healthy")),

@@ -1,8 +1,9 @@
-"""Real lines as they are measured, at operating points. Imports nothing of `observer_rt`."""
+"""Real lines and injectors as they are measured, at operating points. Imports nothing of `observer_rt`."""
 
 import itertools
 import zlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -11,7 +12,8 @@ from tests.plants.arrays import Array
 from tests.plants.histories import POINTS
 from tests.plants.parameters import Faults
 from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, Surroundings
-from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
+from tests.plants.real import RealInjector, Setting, real_injector
+from tools.benchmarks.discovery.discrepancies import Discrepancy, Plant, plant_of
 
 GIVEN = POINTS
 """Operating points `discover` is given."""
@@ -28,9 +30,24 @@ NEEDLE_SPREAD = 0.15  # of a plant's speeds
 class Rig:
     """One plant and how it is measured, healthy and not: with a measured rate or without."""
 
-    discrepancy: Discrepancy
+    discrepancy: Discrepancy | Setting
     with_rate: bool
     seed: int
+
+    @property
+    def number(self) -> int:
+        return [*type(self.discrepancy)].index(self.discrepancy)
+
+    @property
+    def plant(self) -> Plant | RealInjector:
+        of = self.discrepancy
+        return real_injector(of, self.seed) if isinstance(of, Setting) else plant_of(of, self.seed)
+
+    @property
+    def points(self) -> Sequence[tuple[float, float]]:
+        """Operating points that `fit` and `discover` are given."""
+        plant = self.plant
+        return plant.points if isinstance(plant, RealInjector) else GIVEN
 
     @property
     def name(self) -> str:
@@ -38,13 +55,15 @@ class Rig:
 
 
 def healthy_benches(rig: Rig) -> tuple[Bench, ...]:
-    rng = np.random.default_rng([rig.seed, rig.discrepancy.number, zlib.crc32(b"healthy")])
+    rng = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"healthy")])
     return tuple(bench_of(rig, point, FIT_INJECTIONS, rng) for point in GIVEN)
 
 
 def bench_of(rig: Rig, point: tuple[float, float], injections: int, rng: Generator, noise: float = 1.0) -> Bench:
     """One healthy recording at one operating point, its injections anywhere on the grid of samples."""
-    plant, (rail_pressure, duration) = plant_of(rig.discrepancy, rig.seed), point
+    plant, (rail_pressure, duration) = rig.plant, point
+    if isinstance(plant, RealInjector):
+        return replace(plant.bench([point] * injections, plant.faults, rng), noise=noise)
     shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _ in range(injections)]
     starts = tuple(FIRST + DISTANCE * number for number in range(injections))
     openings = [(start + shot.start, duration) for start, shot in zip(starts, shots, strict=True)]
@@ -56,7 +75,7 @@ def bench_of(rig: Rig, point: tuple[float, float], injections: int, rng: Generat
 
 
 def needle_of(rig: Rig) -> Needle:
-    rng = np.random.default_rng([rig.seed, rig.discrepancy.number, zlib.crc32(b"needle")])
+    rng = np.random.default_rng([rig.seed, rig.number, zlib.crc32(b"needle")])
     opening, closing = 1.0 + NEEDLE_SPREAD * rng.uniform(-1.0, 1.0, 2)
     return Needle(0.80 * opening, 0.90 * closing)
 

@@ -20,13 +20,12 @@ from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorPar
 from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
 from tests.plants.parameters import Faults, with_faults
-from tests.plants.plant import SAMPLE_RATE, Bench, record
+from tests.plants.plant import REFERENCE_PRESSURE, SAMPLE_RATE, Bench, record
 from tests.plants.windows import windows_of
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery import oracle
 from tools.benchmarks.discovery.answers import AMBIGUOUS, Answer
 from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
-from tools.benchmarks.discovery.discrepancies import plant_of
 from tools.benchmarks.discovery.kinds import same_effect
 from tools.benchmarks.discovery.rigs import GIVEN, measured_rate
 from tools.benchmarks.discovery.vocabulary import ALL_EFFECTS, HIDDEN, Parts
@@ -162,8 +161,10 @@ def in_terms_of(fitted: InjectorParameters, case: HiddenCase) -> Parts:
     stiffness changes with pressure by n/K_L, where K_L is the model's, which stands for what it lacks of the line.
     """
     assert case.rig is not None
-    part = plant_of(case.rig.discrepancy, case.rig.seed).part
-    stiffness = fitted.fluid.bulk_modulus_line / part.bulk_modulus_line
+    part, fluid = case.rig.plant.part, fitted.fluid
+    true = part.bulk_modulus_line + part.stiffening * REFERENCE_PRESSURE
+    by_pressure = fluid.bulk_modulus_by_pressure or 0.0
+    stiffness = (fluid.bulk_modulus_line + by_pressure * REFERENCE_PRESSURE) / true
     factors = {"entrained_air": 1.0 / stiffness, "pressure_dependent_bulk_modulus": stiffness}
     return tuple((name, tuple(factors.get(name, 1.0) * value for value in values)) for name, values in case.parts)
 

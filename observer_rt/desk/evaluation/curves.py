@@ -81,7 +81,8 @@ def rate_curves(report: InjectionReport, samples: InjectionSamples, c: Coefficie
 def _learned_lift(report: InjectionReport, stroke: NeedleStroke, time: Floats, c: Coefficients) -> tuple[Floats, str]:
     """Lift [m] at times (n,) [s] in the window, and delays, speeds and landing, with 95 % intervals, in words."""
     learned = [shown for column, shown in SCALARS.shown() if column in NEEDLE_LAW.columns]
-    lines = [in_words(shown, report.indicators[shown.effect], c) for shown in learned]
+    estimates = ((shown, report.indicators[shown.effect]) for shown in learned)
+    lines = [in_words(shown, estimate, c) for shown, estimate in estimates if estimate.sigma]  # else it is not in use
     lines.append(f"lands at {stroke.closed / MILLISECOND:.3f} ms")
     return np.array([lift_of_stroke(moment, stroke) for moment in time.tolist()]), "\n".join(lines)
 
@@ -90,7 +91,7 @@ def in_words(shown: ShownIndicator, estimate: Estimate, c: Coefficients) -> str:
     """Label, value and half width of the 95 % interval of an indicator, in the unit of screens."""
     unit = shown.screen_unit or shown.unit
     value, sigma = (figure * shown.factor(c, unit) for figure in (estimate.value, estimate.sigma or math.nan))
-    return f"{shown.label} = {value:+.3g} ± {Z_95 * sigma:.2g} {unit[0]}"
+    return f"{shown.label} = {value:+.3g} ± {Z_95 * sigma:.2g} {unit[0]}".removesuffix(" -")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -247,7 +247,8 @@ def _draw_injection(
         if curve.lift is not None:
             axes[-1].plot(time, curve.lift[0] / MICROMETRE, "--", color=colour, lw=1.4, label="lift, learned")
             if is_alone:
-                axes[-1].text(0.5, 0.3, curve.lift[1], ha="center", fontsize=6.5, transform=axes[-1].transAxes)
+                said = axes[-1].text(0.5, 0.3, curve.lift[1], ha="center", fontsize=6.5, transform=axes[-1].transAxes)
+                said.set_bbox({"facecolor": "white", "alpha": 0.8, "lw": 0.0})
     axes[0].set_title(drawn[0][1].title if is_alone else f"injection {number}")
     for axis in axes:
         axis.grid(alpha=0.3)

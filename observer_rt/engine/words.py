@@ -59,11 +59,9 @@ REASONS: Mapping[Reason, Words] = {
         "the model ran out of bounds and began anew", "check units and injector file; report it with a log"
     ),
     Reason.NEEDLE_STUCK: Words(
-        "the needle was open longer than any injection", "check its sensor, unit, offset and sign"
+        "the needle was open longer than any injection", "check sensor, unit, offset and sign"
     ),
-    Reason.TOO_FEW_EVENTS: Words(
-        "too few injections were judged yet", "of a rate: take the mass, or wait two injections"
-    ),
+    Reason.TOO_FEW_EVENTS: Words("too few injections were judged yet", "take the mass, or wait for two injections"),
     Reason.INPUT_TIMEOUT: Words("no frame of any input comes", "switch the devices on; check cable and bit rate"),
     Reason.MODEL_INADEQUATE: Words(
         "the injector does not behave as its model",
@@ -79,9 +77,7 @@ REASONS: Mapping[Reason, Words] = {
     Reason.NOT_LEARNED: Words(
         "the event could not be learned from", "nothing, if seldom; else samples are lost, or events too long"
     ),
-    Reason.SUDDEN_CHANGE: Words(
-        "the event contradicts what was learned before it", "wait: if it stays, it is learned"
-    ),
+    Reason.SUDDEN_CHANGE: Words("the event contradicts what was learned before it", "wait: what stays is learned"),
     Reason.AMBIGUOUS_SCALE: Words(
         "a changed line and a changed nozzle look alike here", "vary the rail pressure; measure the fuel temperature"
     ),

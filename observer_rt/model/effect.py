@@ -28,9 +28,7 @@ class Proof(StrEnum):
     BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
     BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
     LIFT_RECORDED = "the lift of the needle recorded, too, if only on a bench"
-    PRESSURE_GAUGE = (
-        "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
-    )
+    PRESSURE_GAUGE = "standstill at several rail pressures, and both sensors vented (0 MPa) or against a gauge"
 
 
 WITH_A_MEASURED_RATE: dict[str, str] = {

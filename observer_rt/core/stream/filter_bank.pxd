@@ -63,15 +63,13 @@ cdef inline void begin_bank(FilterBank* bank, const Widths* explanations, double
 
     spread: standard deviation of the nozzle's flow, as a share, and of its change in a stretch, that all have at least.
     """
-    cdef double nozzle
     cdef int64_t i, k
     bank.stretches = 1
     for i in range(<int64_t> EXPLANATIONS):
         filter, explanation = &bank.filters[i], &explanations[i]
         memset(filter.mean, 0, sizeof(filter.mean))
         memset(filter.covariance, 0, sizeof(filter.covariance))
-        nozzle = max(explanation.nozzle, spread)
-        filter.covariance[OF_NOZZLE][OF_NOZZLE] = nozzle * nozzle
+        filter.covariance[OF_NOZZLE][OF_NOZZLE] = max(explanation.nozzle, spread) ** 2
         for k in range(<int64_t> FURTHER):
             filter.covariance[k][k] = explanation.further[k] * explanation.further[k]
         filter.covariance[OF_SLOPE][OF_SLOPE] = explanation.slope * explanation.slope

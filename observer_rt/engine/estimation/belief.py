@@ -64,9 +64,7 @@ class Belief:
 
     def part(self, columns: Ints) -> "Belief":
         """The belief about the parameters of some columns (k,)."""
-        return Belief(
-            self.mean[columns], *self._of_each(lambda covariance: covariance.take(columns, 0).take(columns, 1))
-        )
+        return Belief(self.mean[columns], *self._of_each(lambda own: own.take(columns, 0).take(columns, 1)))
 
     def complete(self, columns: Ints, variances: Vector) -> "Belief":
         """The belief about all m parameters, this one being a part; the others are 0, with variances (m,)."""

@@ -180,9 +180,7 @@ class Comparison:
         for number, fold in enumerate(self.after.folds):
             for numbers in fold.weighings:
                 measured = [fold.weighed[at] for at in numbers]
-                off = np.mean(
-                    [MILLIGRAM * self.after.mass(number, at) / fold.weighed[at].mass - 1.0 for at in numbers]
-                )
+                off = np.mean([MILLIGRAM * self.after.mass(number, at) / fold.weighed[at].mass - 1 for at in numbers])
                 beyond.append(off**2 - sum((one.sigma / one.mass) ** 2 for one in measured) / len(measured) ** 2)
         return math.sqrt(max(float(np.mean(beyond)), 0.0)) if beyond else 0.0
 

@@ -139,10 +139,8 @@ def choose(tried: Sequence[Trial]) -> Choice:
     """The simplest structure as good as the best, first one that conserves mass. Raises `RunError` without any."""
     candidates = [one for one in tried if isinstance(one, FittedStructure)]
     if not candidates:
-        reasons = "; ".join(
-            f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure)
-        )
-        raise RunError(f"no structure can be fitted to these recordings\n  {reasons}")
+        why = "; ".join(f"{one.structure.name}: {one.reason}" for one in tried if isinstance(one, FailedStructure))
+        raise RunError(f"no structure can be fitted to these recordings\n  {why}")
     best, as_good = _simplest(candidates), _as_good(candidates)
     return Choice(best, tried, as_good, _reason(best, as_good))
 

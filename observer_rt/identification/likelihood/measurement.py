@@ -154,9 +154,8 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     for opening in openings:
         is_open[opening.first : opening.last + 1] = True
     rate = recording.sample_rate
-    rail, line = (
-        events.noise_level(signal, shut, rate) for signal in (recording.rail_pressure, recording.line_pressure)
-    )
+    pressures = recording.rail_pressure, recording.line_pressure
+    rail, line = (events.noise_level(pressure, shut, rate) for pressure in pressures)
     if not np.isfinite(rail + line):
         problem = "too little standstill to measure the noise"
         raise UserError(_name(recording), problem, "record some ms more of shut needle")

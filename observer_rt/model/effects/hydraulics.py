@@ -145,9 +145,7 @@ SEAT_OUTFLOW = Effect(
     id="seat_outflow",
     component=Component.CLOSED_END,
     parameters=(),
-    apply=lambda model, _: replace(
-        model, injector=model.injector.model_copy(update={"line_outflow": LineOutflow.SEAT})
-    ),
+    apply=lambda m, _: replace(m, injector=m.injector.model_copy(update={"line_outflow": LineOutflow.SEAT})),
     sentence="The line is drained by the flow through the seat, which also fills the sac, not by what is injected.",
     signature="The line pressure dips a few microseconds sooner at opening, by what fills the sac.",
 )

@@ -20,7 +20,7 @@ from tests.identification.discovery.hidden import MODEL, NOMINAL, proposal_of, r
 NEAR_TIES = {
     ("line_pressure_sensor_lag", "channel_skew"): "one signal",
     ("seat_area", "lift_offset"): "lift sensor",
-    ("line_pressure_sensor_offset", "rail_pressure_sensor_offset"): "reference gauge",
+    ("line_pressure_sensor_offset", "rail_pressure_sensor_offset"): "against a gauge",
     ("fuel_density", "orifice_area"): "mass",
     ("orifice_area", "orifice_cavitation"): "rail pressures",
 }

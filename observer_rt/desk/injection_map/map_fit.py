@@ -27,8 +27,7 @@ STEP = 1e-3  # of a finite difference, on a parameter's scale
 ROUGH = 8  # iterations before the spread of the map is known
 MAD = 1.4826  # standard deviation of a normal distribution over its median of absolute values
 EXPECTED = 10  # linearisations of a fit, by which its progress is told
-WIDE = 0.6  # standard deviation of logarithms of a needle's numbers, which no recording has shown yet
-OPENING_DELAY, _, CLOSING_DELAY, _ = MOTION = tuple(replace(parameter, spread=WIDE) for parameter in forms.NEEDLE)
+OPENING_DELAY, _, CLOSING_DELAY, _ = MOTION = forms.ANY_NEEDLE
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,12 @@ import pandas as pd
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.desk.injection_map import map_document
 from observer_rt.desk.injection_map.map_fit import MapFit
-from observer_rt.foundation.errors import require
+from observer_rt.foundation.errors import RunError, UserError, require
 from observer_rt.foundation.units import Floats
+from observer_rt.identification.fit import forms
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 from observer_rt.identification.fit.fitted_file import baseline_of, rounded
-from observer_rt.identification.fit.forms import PLAIN, STRUCTURES, FittedNumber, Structure
 from observer_rt.identification.fit.masses import WeighedMasses, read_masses
 from observer_rt.identification.fit.suitability import refuse_clipped, sensor_gain, standstill, warnings
 from observer_rt.identification.likelihood.likelihood import RecordingLikelihood
@@ -34,6 +34,7 @@ TRADED = (
 )
 CALIBRATION_TIME = 0.85  # share of all the time; then the observer runs along the recordings
 ROUNDS = 3  # of calibration without a measured lift: delays of shots follow from the round before
+UNUSUAL_SIGMAS = 2.5  # of a seat's coefficient from usual ones, beyond which it stands in for a needle's speeds
 
 
 class _Shown:
@@ -123,7 +124,7 @@ class MapResult(_Shown):
         return map_figure(self.done)
 
 
-def _frame_of(numbers: Mapping[str, FittedNumber]) -> pd.DataFrame:
+def _frame_of(numbers: Mapping[str, forms.FittedNumber]) -> pd.DataFrame:
     """Fitted numbers, a row each."""
     frame = pd.DataFrame.from_dict({name: asdict(number) for name, number in numbers.items()}, orient="index")
     low_high = pd.DataFrame(frame.pop("ci95").tolist(), index=frame.index, columns=["low", "high"])
@@ -187,20 +188,47 @@ def _with_needle(
     weighed: Mapping[int, WeighedMasses],
     progress: Callable[[float], None],
 ) -> CalibrationResult:
-    """Calibrate where no lift was measured: in turn line and needle together, and the delays of single shots by them.
+    """Calibrate where no lift was measured: from the file's needle, and from others if the model then lacks much."""
+    done = _in_turn(start, measurements, weighed, forms.STRUCTURES, lambda share: progress(0.5 * share))
+    if not any(_rank(done)[:2]):
+        return done
+    structures = [one.of_any_needle for one in forms.STRUCTURES]
+    try:
+        other = _in_turn(start, measurements, weighed, structures, lambda share: progress(0.5 + 0.5 * share))
+    except (RunError, UserError):  # what there is stays
+        return done
+    return min(done, other, key=_rank)
+
+
+def _rank(done: CalibrationResult) -> tuple[bool, bool, float]:
+    """Whether more than noise is left, and the seat is unusual, and the mean chi2: the lowest is the best."""
+    seat = forms.USUAL_SEAT
+    off = abs(seat.of(done.injector) - seat.start) / seat.linear
+    return bool(done.above_limit), off > UNUSUAL_SIGMAS * seat.spread, done.comparison.unexplained.mean
+
+
+def _in_turn(
+    start: InjectorParameters,
+    measurements: Sequence[Measurement],
+    weighed: Mapping[int, WeighedMasses],
+    structures: Sequence[forms.Structure],
+    progress: Callable[[float], None],
+) -> CalibrationResult:
+    """Calibrate in turn line and needle together, and the delays of single shots by them.
 
     In the first round all shots answer alike, so that only plain structures are tried; rounds between keep the one
     that was chosen, and the last tries all.
     """
 
-    def calibrated(number: int, structures: Sequence[Structure]) -> CalibrationResult:
+    def calibrated(number: int, structures: Sequence[forms.Structure]) -> CalibrationResult:
         return calibrate(start, measurements, weighed, lambda share: progress((number + share) / ROUNDS), structures)
 
-    done = calibrated(0, PLAIN)
+    passed = forms.FLOW_STARTS if forms.USUAL_SEAT in structures[0].free else forms.NEEDLE
+    done = calibrated(0, structures[: len(forms.PLAIN)])
     for number in range(1, ROUNDS):
         measurements = answered_again(done.injector, measurements)
-        start = start.model_copy(update={"needle": done.injector.needle})
-        done = calibrated(number, STRUCTURES if number == ROUNDS - 1 else [done.fitted.structure])
+        start = forms.with_values(start, passed, forms.values_of(done.injector, passed))
+        done = calibrated(number, structures if number == ROUNDS - 1 else [done.fitted.structure])
     return done
 
 

@@ -143,7 +143,8 @@ def calibrate(
         source = LevelSource.RATE
     folds = folds_of(recordings, weighed)
     coarse = tuple(thinned(fold, search.ROUGH_EVENTS) for fold in folds)  # structures are compared on
-    needle = forms.NEEDLE if recordings[0].is_answered else ()
+    answering = forms.ANY_NEEDLE if forms.USUAL_SEAT in structures[0].free else forms.NEEDLE
+    needle = answering if recordings[0].is_answered else ()
     further = (() if source is LevelSource.FILE else (forms.INERTANCE,)) + needle
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(COMPARISON_TIME * share))
     choice = choose(tried)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -146,6 +146,12 @@ NEEDLE = (
     FreeParameter("v_c", "needle", "closing_speed", "m/s", 1.0, 0.05, 10.0, 0.9, 0.2),
 )
 """Free where the lift was not measured; delays and speeds at 100 MPa."""
+ANY_NEEDLE = tuple(replace(one, spread=0.6) for one in NEEDLE)
+"""The same where the file's needle may be another: with a map of masses, or where a fit from it ended badly."""
+FLOW_STARTS = (SAC, *ANY_NEEDLE)
+"""What a search by commands begins with: a large sac shows a flow late, as a slow needle does."""
+USUAL_SEAT = replace(SEAT, spread=0.12, linear=1.0)
+"""Beside any needle, with whose speeds it trades: of seats .6 to .95 is usual, of speeds hardly anything."""
 DELAY_EXPONENT = FreeParameter("n_o", "needle", "delay_exponent", "-", 1.0, -2.0, 2.0, 0.0, 0.4, 1.0)
 """Free with a map of masses: the opening delays of 32 real injectors' test plans have .05 to .4."""
 OPTIONAL_GROUPS = (CONTROL, (DISPLACEMENT,))
@@ -160,6 +166,11 @@ class Structure:
     outflow: LineOutflow
     line: str
     free: tuple[FreeParameter, ...]
+
+    @property
+    def of_any_needle(self) -> Self:
+        """This form where the file's needle may be another: with a usual seat."""
+        return replace(self, free=tuple(USUAL_SEAT if one is SEAT else one for one in self.free))
 
     def of(self, injector: InjectorParameters, spare: float = 1.0) -> InjectorParameters:
         """An injector with its own numbers in this form, its line in the cells that serve it best.

@@ -1,9 +1,11 @@
 """Fits one structure: coarsely for comparison, and in full if it is chosen; judged on each fold with the others' fit.
 
 A search begins at the likeliest of many stiffnesses and dampings of the line: they decide which period of the
-ringing is compared. From a stiffness 5 % wrong (at 20 kHz) a search ends beside the minimum.
+ringing is compared. From a stiffness 5 % wrong (at 20 kHz) a search ends beside the minimum. Where the file's needle
+may be another, it begins at the likeliest of many, too: from one three times too slow it ends beside the minimum.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,6 +29,8 @@ MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
 STIFFNESS_SPARE = 1.2  # by which the stiffness that a search begins with may be too small
 DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
+SACS = (1.0, 0.2, 0.04)  # of the file's
+NEEDLE_DELAYS, NEEDLE_SPEEDS = (0.6, 0.8, 1.0, 1.25, 1.6), (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)  # of the file's
 STIFFENINGS = (1.0, forms.STIFFENING.start)  # K_1 of a wave speed that hardly depends on pressure, and of fuels
 CERTAIN_SIGMAS = 4.0  # standard deviations of a control flow or a displacement, below which there is none
 LEAST_SIZE = 0.1  # mm3/ms, mm2: what no mass notices
@@ -179,21 +183,23 @@ def settled(
 def searched(
     structure: forms.Structure, file: InjectorParameters, free: Sequence[forms.FreeParameter], folds: Sequence[Fold]
 ) -> FittedStructure | FailedStructure:
-    """A structure fitted coarsely from the file's numbers, with waves after a scan of stiffness and damping."""
-    if forms.WAVE_DAMPING not in structure.free:
-        return fitted(structure, file, free, folds, ROUGH_ITERATIONS)
+    """A structure fitted coarsely from the file's numbers, with waves after a scan of stiffness and damping.
+
+    Where the file's needle may be another, from the likeliest of many; where much is left, again from other lines.
+    """
     few = tuple(thinned(fold, 1) for fold in folds)
+    file = _with_likely_needle(structure, file, free, few) if forms.USUAL_SEAT in free else file
     start = _best(structure, _around(file, free), free, few)
-    structure_fit = fitted(structure, start, free, folds, ROUGH_ITERATIONS, STIFFNESS_SPARE)
-    if isinstance(structure_fit, FailedStructure) or structure_fit.unexplained.mean < EXPLAINED_CHI2:
-        return structure_fit
-    here = structure_fit.injector
+    rough = fitted(structure, start, free, folds, ROUGH_ITERATIONS, STIFFNESS_SPARE)
+    if isinstance(rough, FailedStructure) or rough.unexplained.mean < EXPLAINED_CHI2:
+        return rough
+    here = rough.injector
     again = _best(structure, [here, *_around(here, free)], free, few)
     if again is here:
-        return structure_fit
+        return rough
     other = fitted(structure, again, free, folds, ROUGH_ITERATIONS, STIFFNESS_SPARE)
-    is_better = isinstance(other, FittedStructure) and other.minimum.statistic < structure_fit.minimum.statistic
-    return other if is_better else structure_fit
+    is_better = isinstance(other, FittedStructure) and other.minimum.statistic < rough.minimum.statistic
+    return other if is_better else rough
 
 
 def certain_groups(structure: FittedStructure) -> tuple[tuple[forms.FreeParameter, ...], ...]:
@@ -209,6 +215,8 @@ def certain_groups(structure: FittedStructure) -> tuple[tuple[forms.FreeParamete
 
 
 def _around(injector: InjectorParameters, free: Sequence[forms.FreeParameter]) -> list[InjectorParameters]:
+    if forms.WAVE_DAMPING not in free:
+        return [injector]
     fuels = [np.array([])] if forms.STIFFENING not in free else [np.array([each]) for each in STIFFENINGS]
     sized = (forms.STIFFNESS, forms.WAVE_DAMPING, *(one for one in free if one is forms.STIFFENING))
     return [
@@ -225,9 +233,26 @@ def _best(
     free: Sequence[forms.FreeParameter],
     folds: Sequence[Fold],
 ) -> InjectorParameters:
-    def statistic(start: InjectorParameters) -> float:
-        calibration = problem.Calibration(structure.of(start), free, folds)
-        residuals = calibration.residuals(calibration.centre)
-        return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic
+    if len(starts) == 1:
+        return starts[0]
+    return min(starts, key=lambda start: _statistic(problem.Calibration(structure.of(start), free, folds)))
 
-    return min(starts, key=statistic)
+
+def _with_likely_needle(
+    structure: forms.Structure, file: InjectorParameters, free: Sequence[forms.FreeParameter], folds: Sequence[Fold]
+) -> InjectorParameters:
+    """An injector with the likeliest of many sacs, delays and speeds of its needle: of opening, then of closing."""
+    calibration = problem.Calibration(structure.of(file), free, folds)
+    theta, sacs = calibration.centre, SACS if forms.WAVE_DAMPING in free else SACS[:1]
+    for moved, sizes in ((forms.FLOW_STARTS[:3], [sacs]), (forms.FLOW_STARTS[3:], [])):
+        moves = np.log(list(itertools.product(*sizes, NEEDLE_DELAYS, NEEDLE_SPEEDS)))
+        starts = np.tile(theta, (len(moves), 1))
+        starts[:, [free.index(one) for one in moved]] += moves
+        theta = min((theta, *starts), key=partial(_statistic, calibration))
+    likely = calibration.injector(theta)
+    return forms.with_values(file, forms.FLOW_STARTS, forms.values_of(likely, forms.FLOW_STARTS))
+
+
+def _statistic(calibration: problem.Calibration, theta: Floats | None = None) -> float:
+    residuals = calibration.residuals(calibration.centre if theta is None else theta)
+    return math.inf if residuals is None or math.isnan(residuals.statistic) else residuals.statistic

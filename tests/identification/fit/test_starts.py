@@ -2,22 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
 from observer_rt.config.injector_sections import Meaning
 from observer_rt.identification.fit.calibrate import calibrate
-from observer_rt.identification.fit.forms import LOSS, NOZZLE, SEAT, STIFFNESS, STRUCTURES, values_of, with_values
+from observer_rt.identification.fit.forms import STRUCTURES, values_of, with_values
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.parameters import InjectorParameters
-from tests.identification.fit.healthy import NOMINAL
+from tests.identification.fit.healthy import NOMINAL, WRONG
 from tests.observed_plants import recording_of
 from tests.plants.healthy import healthy_benches
 from tests.plants.plant import record
 from tests.plants.wave import LINES, Variant, real_part
 
 PART_SEED = 1
-WRONG = (STIFFNESS, LOSS, SEAT, NOZZLE)
 FILES = (
     (1.0, 1.0, 1.0, 1.0),
     (0.85, 1.0, 1.0, 1.1),
@@ -28,21 +28,17 @@ FILES = (
 """Shares of the maker's numbers."""
 
 
+@cache
 def healthy(sample_rate: float, meaning: Meaning) -> tuple[Measurement, ...]:
     """Six recordings of the benchmark's richer plant."""
     benches = healthy_benches(Variant.PLAIN, PART_SEED, sample_rate, meaning is Meaning.MEAN)
     return measurements([replace(recording_of(record(bench)), meaning=meaning) for bench in benches.values()])
 
 
-@pytest.fixture(scope="module")
-def slow() -> tuple[Measurement, ...]:
-    return healthy(20e3, Meaning.MEAN)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("shares", FILES, ids=str)
-def test_means_at_a_fifth_of_the_rate(slow: Sequence[Measurement], shares: Sequence[float]) -> None:
-    check_found(slow, shares)
+def test_means_at_a_fifth_of_the_rate(shares: Sequence[float]) -> None:
+    check_found(healthy(20e3, Meaning.MEAN), shares)
 
 
 @pytest.mark.slow

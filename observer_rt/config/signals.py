@@ -128,7 +128,7 @@ class SampledConfig(Section):
     @model_validator(mode="after")
     def _one_way_to_name_signals(self) -> Self:
         if sum(value is not None for value in (self.signal, self.signals, self.pattern)) != 1:
-            raise ValueError("its samples are not named in one way; state one of 'signal', 'signals' or 'pattern'")
+            raise ValueError("its samples are not named once; state exactly one of 'signal', 'signals' or 'pattern'")
         return self
 
     @property

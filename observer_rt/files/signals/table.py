@@ -139,7 +139,7 @@ def find_columns(
 def missing_column(location: str, column: ColumnConfig, names: Collection[str], word: str = "column") -> UserError:
     """The error for a column that a mapping names and a file does not have."""
     problem = f"{word} '{column.column}' is missing{hint(column.column, names)}"
-    remedy = f"say in [recording] of a bench file which {word} is which (in text also by number: column = 2): it has "
+    remedy = f"say in a bench's [recording] which {word} is which, in text also by number, as column = 2: it has "
     return UserError(location, problem, remedy + ", ".join([*names][:40]))
 
 

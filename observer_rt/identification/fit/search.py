@@ -189,6 +189,8 @@ def searched(
     """
     few = tuple(thinned(fold, 1) for fold in folds)
     file = _with_likely_needle(structure, file, free, few) if forms.USUAL_SEAT in free else file
+    if forms.WAVE_DAMPING not in structure.free:
+        return fitted(structure, file, free, folds, ROUGH_ITERATIONS)
     start = _best(structure, _around(file, free), free, few)
     rough = fitted(structure, start, free, folds, ROUGH_ITERATIONS, STIFFNESS_SPARE)
     if isinstance(rough, FailedStructure) or rough.unexplained.mean < EXPLAINED_CHI2:
@@ -215,8 +217,6 @@ def certain_groups(structure: FittedStructure) -> tuple[tuple[forms.FreeParamete
 
 
 def _around(injector: InjectorParameters, free: Sequence[forms.FreeParameter]) -> list[InjectorParameters]:
-    if forms.WAVE_DAMPING not in free:
-        return [injector]
     fuels = [np.array([])] if forms.STIFFENING not in free else [np.array([each]) for each in STIFFENINGS]
     sized = (forms.STIFFNESS, forms.WAVE_DAMPING, *(one for one in free if one is forms.STIFFENING))
     return [
@@ -233,8 +233,6 @@ def _best(
     free: Sequence[forms.FreeParameter],
     folds: Sequence[Fold],
 ) -> InjectorParameters:
-    if len(starts) == 1:
-        return starts[0]
     return min(starts, key=lambda start: _statistic(problem.Calibration(structure.of(start), free, folds)))
 
 

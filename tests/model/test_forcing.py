@@ -70,9 +70,7 @@ def test_a_term_of_the_plant_explains_its_recording(line: Line, equation: str, l
     term = Term(TermEquation(equation), parse(law))
     likelihood = _likelihood(line.injector, SizedEffect(effect_of(term), ()))
     nominal = effective_model(line.injector)
-
     without, within = (_squares(likelihood, model) - line.healthy for model in (nominal, nominal.with_term(term)))
-
     assert without > 0.005
     assert abs(within) < 0.02 * without + 0.005
 
@@ -99,9 +97,7 @@ def test_a_law_of_the_flow_is_friction_along_the_whole_line(line: Line) -> None:
     law = Term(TermEquation.LINE_FLOW, parse(f"{own:.6g}*line_flow/60*abs(line_flow/60)"))
     likelihood = _likelihood(line.injector, SizedEffect(VOCABULARY["line_friction"], (2.0,)))
     nominal = effective_model(line.injector)
-
     without, within = (_squares(likelihood, model) - line.healthy for model in (nominal, nominal.with_term(law)))
-
     assert within < 0.03 * without  # a pressure lost evenly is, on cells, nearly that
 
 

@@ -45,9 +45,7 @@ def test_output_exit_code_environment_and_folder_pass_through(tmp_path: Path) ->
         cat input; echo "$GREETING"; id -u; cat /sys/class/net/vcan0/mtu
         echo made >output; echo bad >&2; exit 42
     """
-
     done = run("bash", "-c", script, folder=work, GREETING="a  'b' \"c\"\n$d", TMPDIR=str(temporary))
-
     assert done.stdout == f"from the host\na  'b' \"c\"\n$d\n{os.getuid()}\n72\n"
     assert done.stderr.splitlines()[-1] == "bad"
     assert done.returncode == 42

@@ -37,7 +37,6 @@ def test_a_hidden_effect_is_refused_then_named_and_the_masses_are_right(
     done = subprocess.run(words, capture_output=True, text=True, timeout=LONGEST, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert f"{vcan}:" in (out / "observer.log").read_text()
-
     truth = true_masses(hidden_effect(seed, outside), done.stderr + done.stdout)
     assert len(truth) == BEFORE + AFTER
     rows = read_journal(out / "injections.sqlite").injections
@@ -47,7 +46,6 @@ def test_a_hidden_effect_is_refused_then_named_and_the_masses_are_right(
     assert all(row["valid"] for row in after[UNLEARNED:])
     for row, true in zip(after[UNLEARNED:], truth[BEFORE + UNLEARNED :], strict=True):
         assert float(str(row["mass_mg"])) == pytest.approx(true, rel=RIGHT)
-
     findings = json.loads((out / "missing" / "findings.json").read_text())
     assert findings["verdict"] == ("unknown" if outside else "named")
     (step,) = steps(out / "bench.toml")

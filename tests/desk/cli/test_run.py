@@ -62,7 +62,6 @@ def test_a_signal_ends_a_run_with_results_kept(command: Command, bench: Path, wo
     assert signal.getsignal(signal.SIGTERM) == before
     assert results.last_status()["SamplesProcessed"] == read_recording(worn).samples
     assert valid_injections(results) == [1, 1, 1, 1]
-
     records = [json.loads(line) for line in outcome.out.splitlines()]
     assert [(each["number"], each["valid"]) for each in records] == [(1, 1), (2, 1), (3, 1), (4, 1)]
     assert all(record["end_index"] > record["start_index"] > 0 for record in records)
@@ -74,7 +73,6 @@ def test_a_signal_ends_a_run_with_results_kept(command: Command, bench: Path, wo
     for row in rows:
         record = f"INFO injection: injection {row['number']} at index {row['start_index']}: {row['mass_mg']:.2f} mg"
         assert sum(record in line for line in lines) == 1
-
     second, results = run_and_stop(command, bench, worn, "--state", state, number=signal.SIGINT)
     assert second.code == 0
     assert "learned state restored" in second.err

@@ -36,7 +36,6 @@ def test_a_daemon_in_a_container_has_it_in_force_in_the_end(command: Command, be
             assert name in outcome.out
             assert "the daemon has it in force" in outcome.err
             until(lambda: "orifice_area v_H = 0.1" in log.read_text(), START_TIMEOUT)
-
             before = bench.read_text()
             bench.write_text(before.replace("bridge_ms = 0.5", "bridge_ms = 50"))
             assert command("take-over", "--undo", "--bench", bench).code == 2

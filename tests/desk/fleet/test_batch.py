@@ -66,19 +66,16 @@ def test_a_killed_worker_loses_and_doubles_nothing(recordings: Path, scheduler: 
     wait_for(lambda: any(tmp_path.glob("injections/*.parquet")), PATIENCE, process)
     workers_of(process)[0].kill()
     said = ended(process)
-
     assert (said["done"], said["skipped"]) == (6, 1)
     (failed,) = said["failed"]
     assert Path(failed["file"]).name == "damaged.csv"
     rows = read_injections(tmp_path).to_pylist()
     keys = [(row["file"], row["number"]) for row in rows]
     assert len(set(keys)) == len(keys) == said["injections"]
-
     for path in sorted(recordings.glob("*/run_?.csv")):
         mine = [row for row in rows if row["sha256"] == file_hash(path)]
         assert [row["mass_mg"] for row in mine] == pytest.approx(masses(path), rel=1e-12)
         assert {row["injector"] for row in mine} == {path.parent.name[-1]}
-
     again = ended(started(recordings, "--out", tmp_path, "--scheduler", scheduler))
     assert (again["done"], again["skipped"], len(again["failed"])) == (0, 7, 1)
     assert read_injections(tmp_path).num_rows == len(rows)
@@ -93,7 +90,6 @@ def test_an_interrupted_batch_goes_on(recordings: Path, scheduler: str, tmp_path
     assert "give the same command again" in err
     before = read_injections(tmp_path).num_rows
     assert before > 0
-
     said = ended(started(recordings, "--out", tmp_path, "--scheduler", scheduler))
     assert said["done"] != 0
     assert said["done"] + said["skipped"] == 7

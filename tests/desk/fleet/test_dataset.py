@@ -15,7 +15,6 @@ def test_what_was_taken_is_there_for_the_next_run_and_once(tmp_path: Path) -> No
     first = Dataset(tmp_path, SETTINGS)
     first.take("aa", rows("aa", "one", [0.1, 0.2]))
     first.take("bb", rows("bb", "two", []))
-
     again = Dataset(tmp_path, SETTINGS)
     assert [again.is_done(sha256) for sha256 in ("aa", "bb", "cc")] == [True, True, False]
     again.take("aa", rows("aa", "one", [0.1, 0.2]))

@@ -79,7 +79,6 @@ def test_traces_move_are_held_stepped_back_to_and_saved(page: Page, serve: Serve
         expect(page.locator(".well")).to_have_text("no fault")
         page.set_viewport_size({"width": 1600, "height": 900})
         page.wait_for_function("document.documentElement.scrollHeight <= innerHeight")
-
         page.wait_for_function("window.seen.size >= 5", timeout=PATIENCE)
         page.get_by_role("button", name="Hold").click()
         held = int(number.inner_text().split()[0])
@@ -89,7 +88,6 @@ def test_traces_move_are_held_stepped_back_to_and_saved(page: Page, serve: Serve
         expect(page.get_by_text("saved:")).to_be_visible(timeout=PATIENCE)
         page.get_by_role("button", name="Go on").click()
         until(lambda: int(number.inner_text().split()[0]) >= held + 3)
-
         page.get_by_role("button", name="Hold").click()
         page.locator("#place").evaluate("(slider) => { slider.value = 0; slider.oninput(); }")
         expect(number).to_contain_text("1 valid, flow 16 % above")  # its curves come from the server
@@ -121,7 +119,6 @@ def test_several_injectors_stand_side_by_side_and_a_fault_has_a_remedy(three: Pa
     assert right is not None
     assert left["y"] == right["y"]
     assert left["x"] < right["x"]
-
     third = page.get_by_role("button", name=NAMES[2])
     third.click()
     expect(third).to_have_attribute("aria-pressed", "true")

@@ -53,7 +53,6 @@ def test_what_no_effect_explains_is_proposed_as_a_law(accepted: Findings) -> Non
     proposal = accepted.proposals[0]
     (term,) = proposal.terms
     low, high = term.interval or (0.0, 0.0)
-
     assert accepted.verdict is Verdict.UNKNOWN
     assert term.equation is TermEquation.NOZZLE_FLOW
     assert {variable.word for variable in term.law.variables} == {"injection_number"}
@@ -68,7 +67,6 @@ def test_an_accepted_proposal_explains_recordings(accepted: Findings, plugged: D
     write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), accepted.in_force, None, accepted.terms)
     amended = load_injector(path)
     again = name_effects(effective_model(amended), plugged.measured, workers=2)
-
     assert effective_model(amended).terms[0].coefficient == pytest.approx(-0.2, abs=0.01)
     assert accepted.amended_model == "amended.toml"
     assert again.verdict is Verdict.NONE
@@ -78,7 +76,6 @@ def test_a_proposal_is_in_document_screen_and_page(accepted: Findings) -> None:
     (stated,) = accepted.as_json()["unknown"]["proposals"]
     (term,) = stated["terms"]
     page = report(accepted)
-
     assert (term["equation"], term["depends_on"]) == ("nozzle_flow", ["injection_number"])
     assert term["hardly_told_from"] == ["chamber_pressure"]
     assert stated["gap_held_out"]["after_MPa"] < stated["gap_held_out"]["before_MPa"]

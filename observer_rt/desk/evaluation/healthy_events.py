@@ -1,7 +1,7 @@
 """The remainder that the observer's own x~, unlike the predictor of `fit`, leaves of a healthy injector; its laws."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,8 +11,8 @@ from observer_rt.config.injector_sections import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.parameters import Parameter, Theta
 from observer_rt.engine.estimation.phases import Phase, no_statistics
-from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.learning.adequacy import Innovations, event_statistics
 from observer_rt.engine.learning.event import with_smooth_rail
 from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, ShapeFit, stretch_of
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome, TemperedEvent, overdispersion_of
@@ -24,7 +24,7 @@ from observer_rt.engine.stream.state import Constants
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import Floats
-from observer_rt.model.baseline import Baseline, HealthyRemainder, HealthyShape, PhaseFigures
+from observer_rt.model.baseline import Baseline, HealthyRemainder, PhaseFigures
 from observer_rt.model.parameters import InjectorParameters
 
 OUTLIER = 8.0  # standard deviations
@@ -33,15 +33,10 @@ _DIGITS = 5
 
 @dataclass(frozen=True, eq=False)
 class _HealthyEvent:
-    window: Window
-    setting: Setting
-    sigma: float  # of the innovations [p_0]
+    cost: EventCost
+    whitened: EventCost  # as the learner weighs it: by the colour of the noise
     theta: Theta  # (m,) of the healthy injector, its sensor's offset as at rest
     covariance: Floats  # (m, m) of the belief before the event
-
-    def cost(self, shape: HealthyShape | None = None) -> EventCost:
-        """Cost of the event, the shape taken out."""
-        return EventCost(self.window, self.setting, self.sigma, round(BURN_IN / self.setting.interval), shape=shape)
 
 
 class _Listener(Learner):
@@ -59,7 +54,10 @@ class _Listener(Learner):
         outcome = super().learn(window, standstill, in_force, constants)
         during, noise = constants or self._constants, outcome.knowledge.state.noise
         setting, sigma = self.reader.setting_at(outcome.estimate, noise, during)
-        self._events.append(_HealthyEvent(with_smooth_rail(window, during), setting, sigma, theta, covariance))
+        cost = whitened = EventCost(with_smooth_rail(window, during), setting, sigma, self.reader.burn_in)
+        if colour := outcome.knowledge.state.learned.colour:
+            whitened = replace(cost, sigma=colour.sigma, whitening=colour.whitening)
+        self._events.append(_HealthyEvent(cost, whitened, theta, covariance))
         return outcome
 
 
@@ -79,7 +77,8 @@ def observer_remainder(
         if recording.sample_rate != rate:
             continue
         events: list[_HealthyEvent] = []
-        history = evaluate(bench, [recording], knowledge, learner_of=partial(_Listener, events))
+        uncommanded = replace(recording, energizing=None)  # its pilot valve goes by the lift, as in the fit
+        history = evaluate(bench, [uncommanded], knowledge, learner_of=partial(_Listener, events))
         knowledge = history.knowledge
         if events:
             collected.append(events)
@@ -106,17 +105,16 @@ def bench_of(injector: InjectorParameters, recording: Recording) -> Bench:
 def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder:
     seen = [[_innovations(event) for event in events] for events in collected]
     first = collected[0][0]
-    fit = ShapeFit(seen, first.sigma * first.setting.coefficients.pressure_scale)
-    several = len(collected) > 1
+    fit = ShapeFit(seen, first.cost.sigma * first.cost.setting.coefficients.pressure_scale)
     statistics, tempered = [], []
     for number, events in enumerate(collected):
-        shape = fit.shape(number if several else None)
+        shape = fit.shape(number if len(collected) > 1 else None)
         total = no_statistics()
         for event in events:
-            run = event.cost(shape).linearised(event.theta)
+            run = replace(event.whitened, shape=shape).linearised(event.theta)
             tempered.append(TemperedEvent(run, event.covariance))
-            innovations = Innovations(run.innovations, event.sigma)
-            phase_values = event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED)
+            innovations, interval = Innovations(run.innovations, event.whitened.sigma), event.cost.setting.interval
+            phase_values = event_statistics(event.cost.window, innovations, interval, NOT_FITTED)
             total = total.faded(1.0, phase_values)
         statistics.append(total)
     return HealthyRemainder(
@@ -129,7 +127,7 @@ def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder
 
 def _innovations(event: _HealthyEvent) -> tuple[EventStretch, Floats]:
     """Normalised, an outlier counting for little."""
-    setting, cost = event.setting, event.cost()
-    z = np.clip(cost.innovations(event.theta) / event.sigma, -OUTLIER, OUTLIER)
+    cost, setting = event.cost, event.cost.setting
+    z = np.clip(cost.innovations(event.theta) / cost.sigma, -OUTLIER, OUTLIER)
     z[: cost.burn_in] = 0.0
-    return stretch_of(event.window, setting.coefficients, setting.interval), z
+    return stretch_of(cost.window, setting.coefficients, setting.interval), z

@@ -11,6 +11,7 @@ import math
 
 from observer_rt.core.model import model
 from observer_rt.core.model.laws import seat_area
+from observer_rt.core.model.needle import NeedleLaw
 from observer_rt.model.fuel import parabola
 from observer_rt.model.parameters import Departures, InjectorParameters
 
@@ -25,9 +26,13 @@ class Valve(model.Valve):
 
     __slots__ = ()
 
-    def by_commands(self) -> "Valve":
-        """The valve where the injector's commands are known: it opens and shuts `COMMAND_DELAY` after their edges."""
-        return Valve(-COMMAND_DELAY, -COMMAND_DELAY, self.hold, exponent=0.0, edge=self.edge, commanded=1.0)
+    def by_commands(self, needle: NeedleLaw | None = None) -> "Valve":
+        """The valve by commands: `COMMAND_DELAY` after them, or ahead of a needle by commands as its file says."""
+        start = end = -COMMAND_DELAY
+        if needle is not None:
+            start = self.start - needle.opening_delay - model.LIFT_OFF / needle.opening_speed
+            end = self.end - needle.closing_delay - model.LIFT_OFF / needle.closing_speed
+        return Valve(start, end, self.hold, exponent=0.0, edge=self.edge, commanded=1.0)
 
 
 def valve_of(parameters: InjectorParameters) -> Valve:

@@ -95,7 +95,7 @@ class Constants(NamedTuple):
 
     def by_commands(self) -> "Constants":
         """The same where a pilot valve goes by the injector's commands: `observer.energize`."""
-        valve = self.coefficients.valve.by_commands()
+        valve = self.coefficients.valve.by_commands(self.needle)
         return self._replace(coefficients=self.coefficients._replace(valve=valve))
 
 

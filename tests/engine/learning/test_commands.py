@@ -96,12 +96,25 @@ def test_without_the_lift_masses_are_right_from_the_first_injection_on(
     assert indicators["needle_bounces"] == Estimate(0.0, 0.0)  # it does not pay
 
 
-def without_lift(bench: Bench, opens_later: float, closes_later: float) -> ObservedRun:
-    """Masses by event: a needle that bounces opens twice."""
+@pytest.mark.decisive(1)
+def test_without_the_lift_the_valve_is_as_far_ahead_of_the_needle_as_the_file_says() -> None:
+    """It opens 20 us and shuts 200 us after the edges of the command."""
+    laws = Laws(control_flow=6e-6, control_lead=0.29e-3, control_trail=0.11e-3, control_moves=40e-6)
+    events = in_turn(4, lambda _: Faults(), (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3))
+    stated = {"control_flow": 6e-6, "control_start": 0.29e-3, "control_end": 0.11e-3}
+    run_of_events = without_lift(Bench(Injector(), Needle(), events, seed=3, laws=laws), 0.0, 0.0, **stated)
+    assert all(run_of_events.valid)
+    assert np.abs(run_of_events.errors).max() < 0.01
+
+
+def without_lift(bench: Bench, opens_later: float, closes_later: float, **line: float) -> ObservedRun:
+    """Masses by event: a needle that bounces opens twice; line: numbers of the injector's file."""
     law, outcome = load_injector().needle_law, record(bench)
     before = law.opening_delay + opens_later, law.closing_delay + closes_later
     recording = commanded(bench, outcome, *before, jitter=10e-6).without_lift()
-    reports = evaluate(bench_at(bench.sample_rate), [recording]).evaluations[0].reports
+    observer, injector = bench_at(bench.sample_rate), load_injector()
+    injector = injector.model_copy(update={"line": injector.line.model_copy(update=line)})
+    reports = evaluate(observer.with_parameters(injector), [recording]).evaluations[0].reports
     masses = np.bincount(outcome.event_of, true_masses(outcome, bench))
     return ObservedRun(reports, masses.astype(np.float64))
 

@@ -185,7 +185,7 @@ def _on_injectors(settings: Sequence[Setting], cases: int, seed: int, jobs: int,
     """Only whole ones with measured masses are more than healthy, or evenly worn; without a lift all have masses."""
     fits = [*itertools.product(settings, (True, False) if how.has_lift else (True,))]
     with ThreadPoolExecutor(jobs) as pool:
-        models = pool.map(lambda fit: real_injectors.real_model(fit[0], seed, fit[1], out), fits)
+        models = pool.map(lambda fit: real_injectors.real_model(fit[0], seed, fit[1], out, how.has_lift), fits)
     todo = {
         f"{setting} {kind} {seed} {n}{' weighed' * weighed}{how}": (setting, kind, seed, n, weighed, model, how)
         for (setting, weighed), model in zip(fits, models, strict=True)

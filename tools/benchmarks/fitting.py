@@ -13,7 +13,7 @@ import tomlkit
 from observer_rt.config.bench import NOMINAL_INJECTOR, exact_text
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.errors import RunError
-from tests.observed_plants import recording_of
+from tests.observed_plants import commanded, recording_of
 from tests.plants.parameters import Injector
 from tests.plants.plant import Bench, record
 from tests.plants.wave import new_part
@@ -21,6 +21,7 @@ from tests.plants.windows import true_masses
 from tools.benchmarks.campaign import messages, state_of_the_code
 
 FITTED, MAKER, MADE_BY = "fitted.toml", "new_part.toml", "made_by.txt"
+ANSWERS = (0.26e-3, 0.36e-3, 6e-6)  # s, from a command's edges to the needle's, and their jitter; the file's: .3 ms
 
 
 def fitted_model(
@@ -60,13 +61,14 @@ def maker_file(part: Injector, body: float = 0.0) -> str:
     return tomlkit.dumps(document)
 
 
-def write_recordings(folder: Path, benches: Mapping[str, Bench], masses: Path, sigma: float) -> list[Path]:
-    """Recordings by name as CSV files, and a file of mean masses for `fit --mass`, wrong by a share of one sigma."""
+def write_recordings(folder: Path, benches: Mapping[str, Bench], file: Path, sigma: float, lift: bool) -> list[Path]:
+    """Recordings by name as CSV files; mean masses for `fit --mass` in a file, wrong by a share of one sigma."""
     rng, rows = np.random.default_rng([bench.seed for bench in benches.values()]), ["recording,mass_mg,sigma_mg"]
     for name, bench in benches.items():
         outcome = record(bench)
-        write_recording(folder / f"{name}.csv", recording_of(outcome))
+        seen = recording_of(outcome) if lift else commanded(bench, outcome, *ANSWERS).without_lift()
+        write_recording(folder / f"{name}.csv", seen)
         mass = np.mean(true_masses(outcome, bench)) * 1e6
         rows.append(f"{name}.csv,{mass * rng.normal(1.0, sigma):.5f},{sigma * mass:.5f}")
-    masses.write_text("\n".join(rows) + "\n")
+    file.write_text("\n".join(rows) + "\n")
     return [folder / f"{name}.csv" for name in benches]

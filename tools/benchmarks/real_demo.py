@@ -32,7 +32,7 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     messages.print(f"recording an injector ({size}) on the bench: healthy, then worn ...", highlight=False)
     injector = real_injector(size, seed)
-    healthy = [file.name for file in write_healthy(size, seed, out)]
+    healthy = [file.name for file in write_healthy(size, seed, True, out)]
     outcome = record(real_case(size, WORN, seed, 0))
     measured = replace(recording_of(outcome), injection_rate=outcome.truth.injection_rate)
     write_recording(out / "worn.csv", measured)

@@ -54,21 +54,21 @@ BARS = (
 COLUMNS = {"fit adequate": ("adequate", "of"), **scoring.COLUMNS}
 
 
-def real_model(setting: Setting, seed: int, weighed: bool, out: Path) -> Path:
+def real_model(setting: Setting, seed: int, weighed: bool, out: Path, lift: bool = True) -> Path:
     """The injector file that `fit` makes of healthy recordings. Raises RunError where it fails."""
-    name, size = f"{setting} {seed}{' weighed' if weighed else ''}", real_injector(setting, seed).size
-    more = ["--mass", str(out / name / MASSES)] if weighed else []
-    return fitted_model(out / name, partial(write_healthy, setting, seed), more, maker_file(size.part, size.body))
+    folder, size = out / f"{setting} {seed}{' weighed' if weighed else ''}", real_injector(setting, seed).size
+    more = ["--mass", str(folder / MASSES)] if weighed else []
+    return fitted_model(folder, partial(write_healthy, setting, seed, lift), more, maker_file(size.part, size.body))
 
 
-def write_healthy(setting: Setting, seed: int, folder: Path) -> list[Path]:
-    """Recordings of a healthy injector, and their measured masses, in a folder."""
+def write_healthy(setting: Setting, seed: int, lift: bool, folder: Path) -> list[Path]:
+    """Recordings of a healthy injector, with or without its lift, and their measured masses, in a folder."""
     injector, rng = real_injector(setting, seed), np.random.default_rng([seed, zlib.crc32(setting.encode()), 1])
     benches = {}
     for pressure, duration in injector.points:
         points, name = [(pressure, duration)] * FIT_EVENTS, f"{pressure / 1e6:.0f}MPa_{1e3 * duration:.1f}ms"
         benches[name] = injector.bench(points, injector.faults, rng)
-    return write_recordings(folder, benches, folder / MASSES, WEIGHED_SIGMA)
+    return write_recordings(folder, benches, folder / MASSES, WEIGHED_SIGMA, lift)
 
 
 def real_case(setting: Setting, kind: str, seed: int, number: int) -> Bench:

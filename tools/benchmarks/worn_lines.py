@@ -60,7 +60,7 @@ def worn_model(discrepancy: Discrepancy, seed: int, out: Path, laws: Laws = NO_L
     def recorded(folder: Path) -> list[Path]:
         healthy = enumerate(healthy_benches(Rig(discrepancy, False, seed)))
         benches = {f"healthy_{number}": replace(bench, laws=laws) for number, bench in healthy}
-        return write_recordings(folder, benches, weighed, WEIGHED_SIGMA)
+        return write_recordings(folder, benches, weighed, WEIGHED_SIGMA, lift=True)
 
     return fitted_model(folder, recorded, ["--mass", str(weighed)] if discrepancy is Discrepancy.LENGTH else [])
 

@@ -166,10 +166,7 @@ class EffectInForce(Section):
     @property
     def words(self) -> str:
         """Identifier and sizes in one line, such as `orifice_area v_H = 0.3`."""
-        sizes = (
-            f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
-            for name, size in self.parameters.items()
-        )
+        sizes = (f"{name} = {of.value:g}{f' {of.unit}' * (of.unit != '-')}" for name, of in self.parameters.items())
         return " ".join([self.id, *sizes])
 
 

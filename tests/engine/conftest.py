@@ -70,9 +70,8 @@ def affected(request: pytest.FixtureRequest) -> Case:
     c = model.coefficients
     schedule = predictor.gain_schedule(c, NOISE, SAMPLE_RATE, 10e-6, 0.4)
     substeps = substeps_needed(model.injector, SAMPLE_RATE)
-    setting = predictor.Setting(
-        1 / SAMPLE_RATE, substeps, c, schedule.gains[-1].copy(), late=0.4, lag=10e-6, offset=0.006
-    )
+    gain = schedule.gains[-1].copy()
+    setting = predictor.Setting(1 / SAMPLE_RATE, substeps, c, gain, late=0.4, lag=10e-6, offset=0.006)
     return Case(c, schedule, setting)
 
 

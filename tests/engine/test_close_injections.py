@@ -31,9 +31,8 @@ def test_their_masses_sum_to_what_was_injected(gap: float, rail: float) -> None:
         reports = [evaluation.reports[i] for i in openings]
         for before, after in pairwise(reports):
             assert before.end_index == after.start_index  # between its ends each sample is of one
-        complete = (
-            np.trapezoid(published[reports[0].start_position : reports[-1].end_position + 1]) * windows.interval
-        )
+        samples = slice(reports[0].start_position, reports[-1].end_position + 1)
+        complete = np.trapezoid(published[samples]) * windows.interval
         live = sum(report.live_mass / report.density for report in reports)
         assert live == pytest.approx(complete, rel=1e-12)
         assert all(report.valid for report in reports)

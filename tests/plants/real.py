@@ -154,9 +154,8 @@ def real_injector(setting: Setting, seed: int) -> RealInjector:
         injector = replace(injector, line=injector.line._replace(inlet_loss=size.orifice))
     if setting in WHOLE:
         line = injector.line._replace(damping=0.5, viscosity=4e-6, smooth_flow=size.part.nozzle_area * 500.0)
-        faults = injector.faults._replace(
-            orifice_cavitation=CAVITATING, line_pressure_sensor_offset=OFFSET * rng.normal()
-        )
+        offset = OFFSET * rng.normal()
+        faults = injector.faults._replace(orifice_cavitation=CAVITATING, line_pressure_sensor_offset=offset)
         laws = Laws(control_flow=1.6 * size.pilot, chamber_inlet=1.28 * size.pilot, guide_area=1.2 * size.pilot)
         injector = replace(injector, line=line, faults=faults, laws=laws)
     return injector

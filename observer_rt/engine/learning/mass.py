@@ -50,10 +50,8 @@ HOLDS = 0.015  # of a mass, within which it holds
 FADING = 0.95  # weight of the new points before a new point
 FLOW_FADING = 0.8  # weight of the events before an event, in how far flows are off,
 FLOW_EVENTS = 2.0  # and of events that were not, before any
-USUALLY_OFF, FURTHEST_OFF = (
-    0.006,
-    0.02,
-)  # share of a flow, by which events differ anyway; for which one counts at most
+# Share of a flow, by which events differ anyway, and for which an event counts at most.
+USUALLY_OFF, FURTHEST_OFF = 0.006, 0.02
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 
 

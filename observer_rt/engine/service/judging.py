@@ -215,10 +215,8 @@ class Judging:
             self._next = None
 
     def _post_examined(self, closed: _PendingEvent) -> None:
-        examiner = self._examiner
-        closed.examined = examiner.examine(
-            closed.window, closed.innovations, closed.knowledge.in_force, closed.constants
-        )
+        examiner, in_force = self._examiner, closed.knowledge.in_force
+        closed.examined = examiner.examine(closed.window, closed.innovations, in_force, closed.constants)
         closed.earlier, self._late = self._late, None
         objections = closed.examined.objections
         if closed.standstill is not None:

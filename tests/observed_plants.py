@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector_sections import SamplingConfig
@@ -71,6 +72,12 @@ def commanded(
             on, off = rng.normal((opening - opens, closing - shuts), jitter)
             level[time >= on], level[time >= off] = 1.0, 0.0
     return replace(recording_of(outcome), energizing=level)
+
+
+def with_coloured_noise(recording: Recording, seed: int) -> Recording:
+    """The same with noise of .1 MPa in its line pressure, as a low pass of 4 kHz leaves it at 100 kHz."""
+    noise = lfilter([1.0], [1.0, -0.78], np.random.default_rng(seed).normal(size=recording.samples))
+    return replace(recording, line_pressure=recording.line_pressure + 0.1e6 / noise.std() * noise)
 
 
 def bench_at(sample_rate: float, model: Path | None = None, accuracy_percent: float = 0.0) -> Bench:

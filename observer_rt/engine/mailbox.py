@@ -90,7 +90,8 @@ def _write(
     carried["bias"] = learned.network.bias
     carried["nozzle"] = learned.network.nozzle
     carried["rail_from"], carried["rail_to"], carried["known_from"], carried["known_until"] = known_flow
-    carried["flow_spread"] = knowledge.state.elsewhere.spread
+    carried["flow_spread"], colour = knowledge.state.elsewhere.spread, knowledge.state.learned.colour
+    carried["coloured_noise"] = colour.loudest if colour else 0.0
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag

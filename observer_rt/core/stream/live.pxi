@@ -16,6 +16,7 @@ cdef double FLOW = 0.3  # standard deviation of nozzle and seat that may be any
 cdef double AS_BELIEVED = 0.003  # .. of a nozzle as believed, where events have shown it
 cdef double WALK = 0.015, SLOPE = 0.02, BEND = 0.01  # .. by which a flow that moves on changes from stretch to stretch
 cdef double LAG = 0.5e-6, DELAY = 0.2e-6, OFFSET = 2e-4  # s, s, p_0: .. as they are known
+cdef double OFFSET_HELD = 1e-3  # p_0: .. of an offset that no standstill moves, for the noise is coloured
 cdef Widths[EXPLANATIONS] WIDTHS = [
     Widths(AS_BELIEVED, 1e-3, 0.0, 0.0, [0.01, 0.01, 0.002, LAG, OFFSET, DELAY], 0.9),  # as believed
     Widths(FLOW, 2e-3, 0.0, 0.0, [FLOW, 0.01, 0.002, LAG, OFFSET, DELAY], 0.02),  # another flow
@@ -92,6 +93,8 @@ cdef void _begin_live(Stepping* s, int64_t position) noexcept nogil:
     _point_at_newest(&live.of_hat, &live.bank)
     if s.observer.constants.needle.stop > 0.0:
         begin_anew(&live.bank, OF_DELAY, NEEDLE_JITTER)
+    if s.observer.memory.in_force.coloured_noise > 0.0:
+        begin_anew(&live.bank, OF_OFFSET, OFFSET_HELD)
 
 
 cdef inline void _point_at_newest(Tangent* t, const FilterBank* bank) noexcept nogil:
@@ -106,13 +109,9 @@ cdef inline Gradient* _gradient(Stepping* s) noexcept nogil:
 
 
 cdef void _look_for_opening(Stepping* s, int64_t position) noexcept nogil:
-    """Begin to follow an injection at the first sample after rest, and end with rest; see the needle's edges meanwhile.
-
-    None is followed while the noise is coloured, which the filters would take for something in the injection.
-    """
-    cdef bint is_white = s.observer.memory.judgement.offset_moves  # an offset under colour is held
+    """Begin to follow an injection at the first sample after rest, and end with rest; see the needle's edges meanwhile."""
     before, row = &s.observer.ring[(position - 1) & MASK], &s.observer.ring[position & MASK]
-    if row.resting or not is_white:
+    if row.resting:
         s.live.follows = False
     elif not s.live.follows and before.resting:
         _begin_live(s, position)
@@ -158,9 +157,12 @@ cdef void _follow_live(Stepping* s, int64_t position) noexcept nogil:
 
 cdef inline void _take_innovation(Stepping* s, int64_t position) noexcept nogil:
     """Add up the newest innovation that is final, and correct the bank by as many together as the line resolves."""
+    # Coloured noise counts as white noise of its loudest: the filters would take the slow part of it for a flow.
     cdef double noise = WIDER / s.observer.memory.innovation_noise.weight
     cdef int64_t later = min(s.observer.memory.in_force.watch_later, <int64_t> LATER - 1), j
     cdef double innovation = s.observer.ring[(position - later) & MASK].innovation
+    if s.observer.memory.in_force.coloured_noise > 0.0:
+        noise = WIDER * s.observer.memory.prior.healthy_variance * s.observer.memory.in_force.coloured_noise
     live = &s.live
     memcpy(live.later[position % LATER], live.of_tilde.error, sizeof(live.later[0]))
     live.followed += 1

@@ -220,6 +220,7 @@ cdef struct Carried:
     double known_from[RAIL_BINS]  # for a needle that falls
     double known_until[RAIL_BINS]
     double flow_spread  # standard deviation, as a share, by which flows of late were others than believed
+    double coloured_noise  # p_0^2, of white noise as loud as that of the line pressure where it is loudest; 0: it is white
 
 # judgement.pxi: what innovations are to be like
 cdef struct InnovationNoise:

@@ -7,7 +7,7 @@ stretch that is held or loud (`Window.masked`), and pays for that instead.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -31,17 +31,14 @@ LOUDEST = 4.0  # times the mean square of those before, or of the newest: no eve
 GONE = 30.0  # times the mean square of the newest: what was so loud before is over, and tells nothing of it
 MARGIN = 12.0  # of the BIC: so much better than white noise must a colour be
 QUIET = 0.7  # of the expected standard deviation
-# BIC within which the fastest high pass is taken: hum in step with the events is steeper than at rest.
-ABOUT_AS_GOOD = 20.0
+ABOUT_AS_GOOD = 20.0  # BIC within which the fastest high pass is taken: hum in step with events is steep
 # The BIC goes by samples, which pink noise leaves almost white; events go by means of blocks. A filter that leaves
 # more in these is out if any leaves less: half-way to a refusal, with half its certainty.
-MOST_LEFT = 1.3
-LEFT_SIGNIFICANT = 2.5
+MOST_LEFT, LEFT_SIGNIFICANT = 1.3, 2.5
+HEARD = np.geomspace(30.0, 2e4, 50)  # Hz, of noise that an injection shows: hum is an offset that comes and goes
 LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
 _HIGH_PASSES = 1 + len(TIME_CONSTANTS)
 _LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
-
-
 NONE_MASKED = np.empty(0, np.bool_)
 
 
@@ -139,16 +136,22 @@ class Colour:
     interval: float  # of the samples [s]
     sigma: float  # standard deviation of what the filter leaves [p_0]
 
+    @cached_property
+    def loudest(self) -> float:
+        """Variance [p_0^2] of white noise as loud as these at the frequency of `HEARD` where they are loudest."""
+        delayed = np.exp(-2j * np.pi * self.interval * HEARD)
+        passed = delayed[:, None] ** np.arange(1 + self.whitening.taps.size) @ np.append(1.0, self.whitening.taps)
+        if self.whitening.forgetting is not None:
+            passed *= (1.0 - delayed) / (1.0 - self.whitening.forgetting * delayed)
+        return float((self.sigma / np.abs(passed).min()) ** 2)
+
 
 def is_same(first: Colour | None, second: Colour | None) -> bool:
     """Whether two colours are equal, or both absent."""
     if first is None or second is None or first is second:
         return first is second
-    return (first.sigma, first.interval, first.whitening.forgetting) == (
-        second.sigma,
-        second.interval,
-        second.whitening.forgetting,
-    ) and np.array_equal(first.whitening.taps, second.whitening.taps)
+    numbers = [(of.sigma, of.interval, of.whitening.forgetting, *of.whitening.taps) for of in (first, second)]
+    return numbers[0] == numbers[1]
 
 
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:

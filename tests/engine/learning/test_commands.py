@@ -135,9 +135,8 @@ def test_a_needle_that_bounces_is_learned_by_its_commands(faults: Faults) -> Non
 
 def test_a_late_line_sensor_is_not_taken_for_a_needle_that_bounces() -> None:
     """One injection does not show its rate well enough to be valid; the next ones do."""
-    events = in_turn(
-        7, lambda _: Faults(line_pressure_sensor_lag=40e-6), (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3)
-    )
+    late = Faults(line_pressure_sensor_lag=40e-6)
+    events = in_turn(7, lambda _: late, (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3))
     run_of_events = without_lift(Bench(Injector(), Needle(0.9, 0.8), events, seed=6), 50e-6, 100e-6)
     assert run_of_events.valid == [False] + 6 * [True]
     for report in run_of_events.reports[1:]:

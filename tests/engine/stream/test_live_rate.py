@@ -19,7 +19,7 @@ from observer_rt.model.network import constant_network
 from tests.engine.learning.learner_adapter import GOLDEN
 from tests.engine.sample_stream import NOMINAL, Stream, stroke
 from tests.intervals import Interval
-from tests.observed_plants import bench_at, recording_of
+from tests.observed_plants import bench_at, recording_of, with_coloured_noise
 from tests.plants.laws import BY_LIFT, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
@@ -191,6 +191,17 @@ def test_the_first_injection_is_followed(line: Discrepancy | None, laws: Laws, f
         report = evaluation.reports[0]
         window = slice(report.start_index, report.end_index + 1)
         assert evaluation.trace.injection_rate[window].sum() == pytest.approx(truth[window].sum(), rel=0.025)
+
+
+def test_coloured_noise_hides_no_change_of_the_flow() -> None:
+    """The nozzle passes 30 % more from the fifth injection on."""
+    events = tuple(Event(100e6, (Shot(0.0, 1.4e-3),), Faults(orifice_area=0.3 * (k > 3))) for k in range(5))
+    outcome = record(Bench(Injector(), Needle(), events, seed=5))
+    evaluation = evaluate(bench_at(100e3), [with_coloured_noise(recording_of(outcome), 1)]).evaluations[0]
+    window = slice(evaluation.reports[-1].start_index, evaluation.reports[-1].end_index + 1)
+    rates = evaluation.trace.injection_rate, evaluation.trace.open_loop_rate, outcome.truth.injection_rate
+    by_filters, by_model, true = (rate[window].sum() for rate in rates)
+    assert abs(by_filters / true - 1.0) < 0.03 < 0.1 < abs(by_model / true - 1.0)
 
 
 @pytest.mark.parametrize("late", [-2, 2])

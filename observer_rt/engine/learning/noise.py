@@ -35,7 +35,7 @@ ABOUT_AS_GOOD = 20.0  # BIC within which the fastest high pass is taken: hum in 
 # The BIC goes by samples, which pink noise leaves almost white; events go by means of blocks. A filter that leaves
 # more in these is out if any leaves less: half-way to a refusal, with half its certainty.
 MOST_LEFT, LEFT_SIGNIFICANT = 1.3, 2.5
-HEARD = np.geomspace(30.0, 2e4, 50)  # Hz, of noise that an injection shows: hum is an offset that comes and goes
+LOWEST = 30.0  # Hz, of noise that an injection shows: hum is an offset that comes and goes
 LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
 _HIGH_PASSES = 1 + len(TIME_CONSTANTS)
 _LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
@@ -138,8 +138,8 @@ class Colour:
 
     @cached_property
     def loudest(self) -> float:
-        """Variance [p_0^2] of white noise as loud as these at the frequency of `HEARD` where they are loudest."""
-        delayed = np.exp(-2j * np.pi * self.interval * HEARD)
+        """Variance [p_0^2] of white noise as loud as these are where they are loudest, from `LOWEST` on."""
+        delayed = np.exp(-2j * np.pi * self.interval * np.geomspace(LOWEST, 0.5 / self.interval))
         passed = delayed[:, None] ** np.arange(1 + self.whitening.taps.size) @ np.append(1.0, self.whitening.taps)
         if self.whitening.forgetting is not None:
             passed *= (1.0 - delayed) / (1.0 - self.whitening.forgetting * delayed)

@@ -61,6 +61,7 @@ def test_cases_are_worked_once_and_failures_and_kills_told(tmp_path: Path) -> No
         (Bar("p50", "errors", "p50"), 1.0, None),
         (Bar("share", "right", "mean", 0.5, 0.7), 2 / 3, True),
         (Bar("of some", "right", "mean", least=0.6, of="kind == 'a'"), 0.5, False),
+        (Bar("of a flag", "right", "mean", most=0.5, of="not right"), 0.0, True),
         (Bar("worst group", "right", "mean", least=0.5, by="kind"), 0.5, True),
         (Bar("a function", "errors", lambda values: values.abs().max(), most=3.0), 3.0, True),
         (Bar("too few", "errors", "max", most=0.0, from_values=4), 2.0, None),

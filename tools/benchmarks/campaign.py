@@ -152,7 +152,7 @@ def judged(frame: pd.DataFrame, bars: Sequence[Bar]) -> pd.DataFrame:
     """Figures by name: value, bar, met or not (None: nothing to judge), of how many values, where it is worst."""
     verdicts = []
     for bar in bars:
-        rows = _counted(frame[frame["failed"].isna()], bar)
+        rows = _counted(frame[frame["failed"].isna()].infer_objects(), bar)
         groups = dict(iter(rows.groupby(bar.by, sort=False))) if bar.by and len(rows) else {"": rows}
         values = {str(name): values_of(group, bar.column) for name, group in groups.items()}
         figures = {name: float(summed_up(numbers, bar.how)) for name, numbers in values.items()}

@@ -18,9 +18,7 @@ class Proof(StrEnum):
     BOTH_CHANNELS = (
         "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or more samples a second"
     )
-    FUEL_OR_DRAWING = (
-        "a fuel sample (bulk modulus), or the line's volume by its drawing: no signal distinguishes them"
-    )
+    FUEL_OR_DRAWING = "a fuel sample (bulk modulus), or the line's volume by drawing: no signal distinguishes them"
     SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
     LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
     LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"

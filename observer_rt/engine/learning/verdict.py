@@ -170,13 +170,15 @@ def verdict_of(
             against[reason] = against.get(reason, 0.0) + explanation.weight
     most = (Objection(max(against, key=lambda reason: against[reason], default=Reason.OUTSIDE_LEARNED_RANGE)),)
     forward = own = tuple(contradictions)
+    is_servo = lead.reading.cost.setting.coefficients.line.control_flow > 0.0  # its valve may be late, too
+    is_first_by_commands = is_servo and explained.window.needle is not None and lead.before.is_prior
     if tempering(learned.statistics) == 1.0:  # the delay explains all of a late lift
         own = tuple(each for each in contradictions if each.reason is not Reason.LIFT_SENSOR_LAG)
     if agree < AGREED or not lead.is_good or lead.kind in kinds.UNLIKE_BEFORE:  # the next one is to confirm it
         forward += most
     if explained.fault_weight > 1.0 - AGREED:
         own += most
-    elif SURELY * shares.total > WRONG:
+    elif SURELY * shares.total > WRONG or is_first_by_commands:
         own += most if agree < AGREED else (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
     if _moved_in_time(explained) > 1.0 - AGREED:
         own += (Objection(Reason.TIME_BASE),)

@@ -118,9 +118,8 @@ def _control_flow(model: EffectiveModel, values: Sequence[float]) -> EffectiveMo
     if flow == 0.0:
         return model
     valve, flow = valve_of(model.injector), (model.injector.line.control_flow or 0.0) + flow
-    return model.with_changes(
-        "line", control_flow=flow, control_start=valve.start + start, control_end=valve.end + end
-    )
+    times = {"control_start": valve.start + start, "control_end": valve.end + end}
+    return model.with_changes("line", control_flow=flow, **times)
 
 
 CONTROL_FLOW = Effect(

@@ -98,13 +98,13 @@ def test_without_the_lift_masses_are_right_from_the_first_injection_on(
 
 @pytest.mark.decisive(1)
 def test_without_the_lift_the_valve_is_as_far_ahead_of_the_needle_as_the_file_says() -> None:
-    """It opens 20 us and shuts 200 us after the edges of the command."""
+    """It opens 20 us and shuts 200 us after the edges of the command. A first injection tells too little of both."""
     laws = Laws(control_flow=6e-6, control_lead=0.29e-3, control_trail=0.11e-3, control_moves=40e-6)
     events = in_turn(4, lambda _: Faults(), (60e6, 100e6, 140e6), (0.6e-3, 1.9e-3, 1.0e-3))
     stated = {"control_flow": 6e-6, "control_start": 0.29e-3, "control_end": 0.11e-3}
     run_of_events = without_lift(Bench(Injector(), Needle(), events, seed=3, laws=laws), 0.0, 0.0, **stated)
-    assert all(run_of_events.valid)
-    assert np.abs(run_of_events.errors).max() < 0.01
+    assert run_of_events.valid == [False] + 3 * [True]
+    assert (np.abs(run_of_events.errors) < [0.003, 0.006, 0.006, 0.006]).all()
 
 
 def without_lift(bench: Bench, opens_later: float, closes_later: float, **line: float) -> ObservedRun:

@@ -52,12 +52,10 @@ class _Listener(Learner):
         theta[Parameter.LINE_PRESSURE_OFFSET] = standstill.offset
         covariance = self.state.learned.belief.covariance
         outcome = super().learn(window, standstill, in_force, constants)
-        during, noise = constants or self._constants, outcome.knowledge.state.noise
-        setting, sigma = self.reader.setting_at(outcome.estimate, noise, during)
-        cost = whitened = EventCost(with_smooth_rail(window, during), setting, sigma, self.reader.burn_in)
-        if colour := outcome.knowledge.state.learned.colour:
-            whitened = replace(cost, sigma=colour.sigma, whitening=colour.whitening)
-        self._events.append(_HealthyEvent(cost, whitened, theta, covariance))
+        during, state = constants or self._constants, outcome.knowledge.state
+        setting, sigma = self.reader.setting_at(outcome.estimate, state.noise, during)
+        cost = EventCost(with_smooth_rail(window, during), setting, sigma, self.reader.burn_in)
+        self._events.append(_HealthyEvent(cost, cost.whitened_by(state.learned.colour), theta, covariance))
         return outcome
 
 

@@ -263,10 +263,9 @@ class _EventReadings:
     def _read(self, learned: LearnedInjector, window: Window, off: float) -> EventReading:
         state, event, reader = self._state, self._event, self._reader
         setting, white_sigma = reader.setting_at(learned.theta, state.noise, event.constants)
-        colour, temper = learned.colour, state.overdispersion.factor
-        sigma, whitening = (white_sigma, None) if colour is None else (colour.sigma, colour.whitening)
-        shape = reader.healthy.shape
-        cost = EventCost(window, setting, sigma, reader.burn_in, whitening, self._offset, temper, shape)
+        temper, shape = state.overdispersion.factor, reader.healthy.shape
+        cost = EventCost(window, setting, white_sigma, reader.burn_in, None, self._offset, temper, shape)
+        cost = cost.whitened_by(learned.colour)
         first, resting = self._run(learned, cost)
         return EventReading(learned, cost, first, white_sigma, self._phases, resting, off)
 

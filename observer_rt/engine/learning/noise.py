@@ -7,7 +7,7 @@ stretch that is held or loud (`Window.masked`), and pays for that instead.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -136,7 +136,7 @@ class Colour:
     interval: float  # of the samples [s]
     sigma: float  # standard deviation of what the filter leaves [p_0]
 
-    @cached_property
+    @property
     def loudest(self) -> float:
         """Variance [p_0^2] of white noise as loud as these are where they are loudest, from `LOWEST` on."""
         delayed = np.exp(-2j * np.pi * self.interval * np.geomspace(LOWEST, 0.5 / self.interval))

@@ -14,7 +14,7 @@ from observer_rt.engine.estimation import predictor
 from observer_rt.engine.estimation.belief import Matrix, Vector
 from observer_rt.engine.estimation.parameters import EVERY, NEEDLE_LAW, Parameter, learned_of
 from observer_rt.engine.learning.healthy import expected_in, needle_course
-from observer_rt.engine.learning.noise import Whitening
+from observer_rt.engine.learning.noise import Colour, Whitening
 from observer_rt.foundation.units import MEGAPASCAL, Floats, Ints
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import LAG_UNIT
@@ -144,6 +144,10 @@ class EventCost:
     temper: float = 1.0
     shape: HealthyShape | None = None
     columns: Ints = field(default_factory=lambda: EVERY)
+
+    def whitened_by(self, colour: Colour | None) -> "EventCost":
+        """The same by innovations of a colour, None: as they are."""
+        return self if colour is None else replace(self, sigma=colour.sigma, whitening=colour.whitening)
 
     @property
     def terms(self) -> int:

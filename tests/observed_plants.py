@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector_sections import SamplingConfig
@@ -14,6 +13,7 @@ from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.files.signals.recording import Recording
 from tests.benches import with_signals
 from tests.plants import plant
+from tests.plants.filters import coloured_noise
 from tests.plants.plant import Outcome, record
 from tests.plants.windows import true_masses
 
@@ -75,9 +75,9 @@ def commanded(
 
 
 def with_coloured_noise(recording: Recording, seed: int) -> Recording:
-    """The same with noise of .1 MPa in its line pressure, as a low pass of 4 kHz leaves it at 100 kHz."""
-    noise = lfilter([1.0], [1.0, -0.78], np.random.default_rng(seed).normal(size=recording.samples))
-    return replace(recording, line_pressure=recording.line_pressure + 0.1e6 / noise.std() * noise)
+    """The same with noise of .1 MPa in its line pressure, as a low pass of 4 kHz leaves it."""
+    white, rate = np.random.default_rng(seed).normal(0.0, 0.1e6, recording.samples), recording.sample_rate
+    return replace(recording, line_pressure=recording.line_pressure + coloured_noise(white, 1.0 / rate, 4e3))
 
 
 def bench_at(sample_rate: float, model: Path | None = None, accuracy_percent: float = 0.0) -> Bench:

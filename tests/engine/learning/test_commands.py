@@ -109,10 +109,10 @@ def test_without_the_lift_the_valve_is_as_far_ahead_of_the_needle_as_the_file_sa
 
 def without_lift(bench: Bench, opens_later: float, closes_later: float, **line: float) -> ObservedRun:
     """Masses by event: a needle that bounces opens twice; line: numbers of the injector's file."""
-    law, outcome = load_injector().needle_law, record(bench)
-    before = law.opening_delay + opens_later, law.closing_delay + closes_later
+    observer, outcome = bench_at(bench.sample_rate), record(bench)
+    injector = observer.injector.parameters
+    before = injector.needle_law.opening_delay + opens_later, injector.needle_law.closing_delay + closes_later
     recording = commanded(bench, outcome, *before, jitter=10e-6).without_lift()
-    observer, injector = bench_at(bench.sample_rate), load_injector()
     injector = injector.model_copy(update={"line": injector.line.model_copy(update=line)})
     reports = evaluate(observer.with_parameters(injector), [recording]).evaluations[0].reports
     masses = np.bincount(outcome.event_of, true_masses(outcome, bench))

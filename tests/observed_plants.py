@@ -50,8 +50,7 @@ class ObservedRun:
 def observed(bench: plant.Bench, observer: Bench | None = None) -> ObservedRun:
     """What the observer of a bench, by default the example's, says of the injections of a plant."""
     outcome = record(bench)
-    observer_bench = observer or bench_at(bench.sample_rate)
-    reports = evaluate(observer_bench, [recording_of(outcome)]).evaluations[0].reports
+    reports = evaluate(observer or bench_at(bench.sample_rate), [recording_of(outcome)]).evaluations[0].reports
     return ObservedRun(reports, true_masses(outcome, bench))
 
 

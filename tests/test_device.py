@@ -34,6 +34,5 @@ def test_frames_are_those_of_cantools(tmp_path: Path, messages: dict[str, str]) 
     sent = Device(sample_bench(tmp_path, messages), START).send(recording)
     for name in dict.fromkeys(messages.values()):
         frame_id = DATABASE.get_message_by_name(name).frame_id
-        roles = [role for role, of in messages.items() if of == name]
-        expected = payloads_by_cantools(name, roles, recording)
+        expected = payloads_by_cantools(name, [role for role, of in messages.items() if of == name], recording)
         assert [frame.payload for frame in sent if frame.frame_id == frame_id] == expected

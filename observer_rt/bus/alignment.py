@@ -72,8 +72,7 @@ def indices_of(alignment: Alignment, field: Literal["first_index", "next_index"]
 def is_stale(alignment: Alignment) -> bool:
     """Whether a message stays away while others come."""
     memory = alignment.memory[0]
-    waiting = memory["newest"] - memory["next_index"]
-    return bool(alignment.followers["stale"].any() or waiting > core.PATIENCE)
+    return bool(alignment.followers["stale"].any() or memory["newest"] - memory["next_index"] > core.PATIENCE)
 
 
 class Timekeeping(NamedTuple):

@@ -77,8 +77,7 @@ def check_effects(location: str, effects: Sequence[EffectInForce]) -> None:
 
 
 def _described(effect: Effect) -> str:
-    units = [p.name if p.unit == "-" else f"{p.name} [{p.unit}]" for p in effect.parameters]
-    return ":".join([effect.id, *units])
+    return ":".join([effect.id, *(p.name if p.unit == "-" else f"{p.name} [{p.unit}]" for p in effect.parameters)])
 
 
 def term_domain(parameters: InjectorParameters) -> "TermDomain":

@@ -120,8 +120,7 @@ class Arrivals:
 
     def as_text(self, now: int) -> str:
         """Messages that stay away, with their ages; of all where none does."""
-        shown = self.stale_messages(now) or self.sources
-        ages = ((source.text, self.age(source, now)) for source in shown)
+        ages = ((source.text, self.age(source, now)) for source in (self.stale_messages(now) or self.sources))
         return ", ".join(
             f"{text}: {'no frame yet' if math.isnan(age) else f'last frame {age_text(age)}'}" for text, age in ages
         )
@@ -161,8 +160,7 @@ def inputs_of(arrivals: Arrivals, timing: Sequence[MessageTiming], now: int) -> 
     for source in arrivals.sources:
         age, is_stale = arrivals.age(source, now), source in stale
         late = "" if is_stale else lateness([timing[stream] for stream in source.streams])
-        known_age = None if math.isnan(age) else age
-        inputs.append(InputStatus(source.text, known_age, is_stale, late))
+        inputs.append(InputStatus(source.text, None if math.isnan(age) else age, is_stale, late))
     return tuple(inputs)
 
 

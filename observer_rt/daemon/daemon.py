@@ -139,8 +139,7 @@ class Daemon:
         if slept > ASLEEP:  # what came meanwhile may be lost, and is no fault of the inputs
             self.arrivals.begin(now)
             remedy = "was it stopped or the computer suspended? else give it a processor"
-            text = f"this process stood still for {slept:.1f} s\n  remedy: {remedy}"
-            self._tell(Notice(Topic.INPUT, text))
+            self._tell(Notice(Topic.INPUT, f"this process stood still for {slept:.1f} s\n  remedy: {remedy}"))
         if not self._buses_down:
             for notice in self._watch.look(now, self.dropped):
                 self._tell(notice)

@@ -120,8 +120,7 @@ class Feeder(DescriptorLink):
                 while self._is_ahead() and not self._ended.is_set():
                     time.sleep(RETRY)
                 identifier = frame.frame_id | EXTENDED_FLAG * frame.is_extended
-                length = len(frame.payload)
-                self._other_end.send(_STAMPED.pack(identifier, length, 0, frame.payload, frame.stamp_ns))
+                self._other_end.send(_STAMPED.pack(identifier, len(frame.payload), 0, frame.payload, frame.stamp_ns))
         except Exception as error:  # whatever it is, the pump must hear of it
             self._fail(error)
 

@@ -177,8 +177,7 @@ class FrameWatch:
                 lengths = self._lengths() if name == "length_errors" else ""
                 # the counters are read after the frames were counted, of which more came meanwhile
                 shown = f"{min(count, frames)} of {frames} input frames: {words.what}"
-                text = f"{shown}{lengths and f': {lengths}'}\n  remedy: {words.remedy}"
-                yield Notice(Topic.INPUT, text)
+                yield Notice(Topic.INPUT, f"{shown}{lengths and f': {lengths}'}\n  remedy: {words.remedy}")
             elif frames and not count and name in self._reported:
                 self._reported.discard(name)
                 yield Notice(Topic.INPUT, f"no more {words.what}", is_over=True)
@@ -197,8 +196,7 @@ class SenderWatch:
         before, self._is_contested = self._is_contested, self._arrivals.is_contested(now)
         frames = self._arrivals.foreign_frames
         if before and not self._is_contested:
-            text = f"the other sender is silent after {frames} frames"
-            yield Notice(Topic.SENDER, text, is_over=True)
+            yield Notice(Topic.SENDER, f"the other sender is silent after {frames} frames", is_over=True)
         elif self._is_contested and not before:
             names = ", ".join(message_text(self._bus_map, layout) for layout, _ in self._arrivals.foreign_messages)
             yield Notice(Topic.SENDER, f"another node sends {names}\n  remedy: {OTHER_SENDER}")
@@ -225,8 +223,7 @@ class InputWatch:
         """Notices at a time [ns] of the arrivals' clock; to be called every `PERIOD`. dropped: as of `FrameWatch`."""
         core = self._core
         notices = [*self._messages.look(now, core.progress, core.protection)]
-        is_explained = Trouble.INVALID in self._messages.reported.values()
-        notices += self._useless.look(core.counters, is_explained, dropped)
+        notices += self._useless.look(core.counters, Trouble.INVALID in self._messages.reported.values(), dropped)
         notices += self._rate.look(core.timing, core.state[1])
         notices += self.ranges.look(core.parts["receiver"])
         has_frames = core.frames_taken > self._frames

@@ -54,8 +54,7 @@ def lock_memory(granted: Rights) -> Rights:
     """Lock all pages that are touched from now on (`mlockall`); the rights that were granted."""
     if not granted.may_lock_memory:
         return granted
-    failed = ctypes.CDLL(None).mlockall(_CURRENT | _FUTURE | _ON_FAULT)
-    return replace(granted, may_lock_memory=not failed)
+    return replace(granted, may_lock_memory=not ctypes.CDLL(None).mlockall(_CURRENT | _FUTURE | _ON_FAULT))
 
 
 def touch(memory: object) -> None:

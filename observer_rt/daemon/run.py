@@ -139,8 +139,7 @@ def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> N
         own = processors(all_injectors.config.realtime.cpus, len(all_injectors.injectors))
         processor, priority = own.of(bench.injector.file.number), bench.config.realtime.priority
         reloading = Reloading(stop, lambda: alone(read()), partial(log.say, Topic.START), stack)
-        screen = console if has_view else None
-        serving = Serving(screen, options, log, stop, own, processor, priority, reloading)
+        serving = Serving(console if has_view else None, options, log, stop, own, processor, priority, reloading)
         stack.callback(serving.notifier.stopping)
         before: Bench | None = None
         now: Bench | None = bench

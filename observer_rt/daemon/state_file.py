@@ -189,8 +189,7 @@ def _finite_parts(state: Mapping[str, Any], arrays: ArrayTexts) -> Iterator[tupl
 
 
 def _digest(content: object) -> str:
-    canonical = _json(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(canonical.encode()).hexdigest()
+    return hashlib.sha256(_json(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _set_aside(path: Path) -> Path:

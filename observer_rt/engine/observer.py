@@ -213,8 +213,7 @@ def event_window(observer: state.Observer, number: int) -> Window | None:
     if not event["learnable"]:
         return None
     start, end = _window_of(observer, event)
-    openings = int(event["injections"])
-    return window_between(observer, start, end, int(event["opening_position"]), openings)
+    return window_between(observer, start, end, int(event["opening_position"]), int(event["injections"]))
 
 
 def window_between(observer: state.Observer, start: int, end: int, opening: int, injections: int) -> Window:
@@ -288,5 +287,4 @@ def was_shut(observer: state.Observer, begin: float, end: float) -> bool:
     last = int(np.searchsorted(rows["index"], end, side="left"))
     if first < 0 or last == len(rows) or rows["seat_area"][first] > 0.0:
         return False
-    broken = rows["broken"][first + 1 : last + 1]
-    return bool(np.isin(broken, (core.Break.NONE, core.Break.JUMP)).all())
+    return bool(np.isin(rows["broken"][first + 1 : last + 1], (core.Break.NONE, core.Break.JUMP)).all())

@@ -57,8 +57,7 @@ class InputFrames:
         self._wanted: dict[tuple[int, bool], list[tuple[int, str]]] = {}
         for layout in bus_map.received:
             if layout.bus in channels:
-                identifier = layout.frame_id, layout.is_extended
-                self._wanted.setdefault(identifier, []).append((layout.bus, layout.name))
+                self._wanted.setdefault((layout.frame_id, layout.is_extended), []).append((layout.bus, layout.name))
         self.log: LogReader = open_log(path)
 
     def __iter__(self) -> Iterator[BusFrame]:

@@ -26,8 +26,7 @@ def _in_arrow(table: Any, name: str) -> Any:
     import pyarrow
 
     if not isinstance(table, Mapping | pd.DataFrame):
-        problem = f"is a {type(table).__name__}"
-        raise UserError(name, problem, "give a pandas DataFrame, or arrays by name in a dict")
+        raise UserError(name, f"is a {type(table).__name__}", "give a pandas DataFrame, or arrays by name in a dict")
     try:
         frame = pd.DataFrame(dict(table)) if isinstance(table, Mapping) else table
         if frame.index.dtype.kind in "fmM":

@@ -78,7 +78,6 @@ def test_what_is_stated_goes_away_in_samples_as_sent(tmp_path: Path) -> None:
 
 
 def test_evidence_leaves_only_the_line_pressure_to_be_mended(tmp_path: Path) -> None:
-    injector = stated(tmp_path, **ALL)
-    mended = as_observed(injector.config.signals)
+    mended = as_observed(stated(tmp_path, **ALL).config.signals)
     assert undone_in_alignment(mended, Role.NEEDLE_LIFT) == 0.0
     assert sizes(effects_after_alignment(mended)) == {"channel_skew": 5.0, "line_pressure_sensor_lag": 3.0}

@@ -74,8 +74,7 @@ def test_a_coefficient_in_another_unit_of_its_kind(tmp_path: Path) -> None:
 )
 def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
     assert LEAK.count(old) == 1
-    path = injector_file(tmp_path, PLUGGED + LEAK.replace(old, new))
-    require_refusal(load_injector, path, f"terms.1.{key}", said)
+    require_refusal(load_injector, injector_file(tmp_path, PLUGGED + LEAK.replace(old, new)), f"terms.1.{key}", said)
 
 
 def test_terms_are_written_as_they_are_read(tmp_path: Path) -> None:

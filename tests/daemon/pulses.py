@@ -139,8 +139,7 @@ def on_change(pulses: Pulses, offset: int = 0) -> list[TimedFrame]:
 
 
 def duration_frame(duration: float, time: float, index: int) -> TimedFrame:
-    values = {"Duration": duration / 1e-6, "PulseIndex": index}
-    return encoded(BED.get_message_by_name("PulseTime"), values, time)
+    return encoded(BED.get_message_by_name("PulseTime"), {"Duration": duration / 1e-6, "PulseIndex": index}, time)
 
 
 def durations(pulses: Pulses) -> list[TimedFrame]:

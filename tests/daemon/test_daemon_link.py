@@ -74,8 +74,7 @@ def test_it_can_be_stopped_while_it_waits(bench: Path, frames: list[TimedFrame])
 
 
 def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path) -> None:
-    recording = worn_recording(8)
-    frames = frames_of(bench, recording)
+    frames = frames_of(bench, worn_recording(8))
     link = TroubledLink(frames, has_room=False)
     daemon = HeardDaemon(bench, link)
     with serving(daemon):
@@ -95,8 +94,7 @@ def test_a_full_transmit_queue_does_not_stop_the_observer(bench: Path) -> None:
         assert daemon.unsent == given_up > 0
         until(lambda: sum(int(message.split(" results")[0]) for message in daemon.messages) == given_up)
     assert "txqueuelen" in daemon.messages[0]
-    rates = payloads(link.sent, RATE)
-    _, count = published_rates(rates, len(frames) * BLOCK)
+    _, count = published_rates(payloads(link.sent, RATE), len(frames) * BLOCK)
     assert count.max() == 1
     assert count[-3 * BLOCK :].all()  # the latest are those that were kept
 
@@ -208,8 +206,7 @@ def test_one_bus_goes_and_comes_back_while_the_others_are_served(four: Path) -> 
         until(lambda: links[3].statuses()[-1]["State"] == State.WAITING_FOR_DATA)
         assert links[3].statuses()[-1]["Reason"] == Reason.INPUT_TIMEOUT
         assert links[3].statuses()[-1]["TroubledBus"] == 2
-        during = [frame for frame in frames[3 * 200 : 3 * 260] if frame.bus != 1]
-        deliver(daemon, links, during)
+        deliver(daemon, links, [frame for frame in frames[3 * 200 : 3 * 260] if frame.bus != 1])
         links[1].plugged.set()
         until(lambda: len(daemon.messages) == 2)
         assert daemon.messages[1] == "lift (can6) is back"

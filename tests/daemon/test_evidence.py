@@ -28,8 +28,7 @@ INJECTIONS = 3
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
-    at_its_rate = load_bench(bench_file(tmp_path, "unused"))
-    return at_its_rate.with_sections(evidence=EvidenceConfig(folder="evidence"))
+    return load_bench(bench_file(tmp_path, "unused")).with_sections(evidence=EvidenceConfig(folder="evidence"))
 
 
 def kept(bench: Bench) -> list[KeptEvent]:

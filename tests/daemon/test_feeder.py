@@ -133,8 +133,7 @@ def test_it_ends_while_frames_wait(bench: Path) -> None:
 
 
 def test_other_results_come_behind_the_rates(bench: Path) -> None:
-    frames = device_frames(bench)[:FRAMES]
-    link = TroubledLink(frames, has_room=False)
+    link = TroubledLink(device_frames(bench)[:FRAMES], has_room=False)
     with PumpRun(bench, link) as run:
         run.serve_until_taken(FRAMES)
         until(lambda: run.core.counters.frames == FRAMES)

@@ -39,8 +39,7 @@ def messages_of_looks(
     texts = []
     for _ in range(looks):
         for source in arrivals.sources:
-            frames = arrivals.count_of(source).frames
-            arrivals.set_count(source.layout, frames + step.get("frames", 0), 0)
+            arrivals.set_count(source.layout, arrivals.count_of(source).frames + step.get("frames", 0), 0)
         vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
         texts += [notice.text for notice in watch.look(replace(counters), is_explained, dropped)]
     return texts
@@ -51,8 +50,7 @@ def test_useless_frames_are_reported_once_and_their_end(arrivals: Arrivals, coun
     watch, words = FrameWatch(arrivals, RATE), COUNTERS[counter]
     few = {"frames": 1000, counter: 1}
     assert messages_of_looks(arrivals, watch, counters, few, 2 * LOOKS + 1) == []
-    many = {"frames": 1000, counter: 150}
-    (message,) = messages_of_looks(arrivals, watch, counters, many, 4 * LOOKS)
+    (message,) = messages_of_looks(arrivals, watch, counters, {"frames": 1000, counter: 150}, 4 * LOOKS)
     assert message == f"1500 of 10000 input frames: {words.what}\n  remedy: {words.remedy}"
     (over,) = messages_of_looks(arrivals, watch, counters, {"frames": 1000}, 3 * LOOKS)
     assert over == f"no more {words.what}"

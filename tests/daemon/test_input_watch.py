@@ -144,8 +144,7 @@ def test_a_bad_sensor(
 
 def test_a_sensor_that_is_mended(watched: WatchedInputs) -> None:
     def for_a_second(values: Values) -> Values:
-        second = np.arange(len(values)) // round(SAMPLE_RATE)
-        return np.where(second == 1, values[0], values)
+        return np.where((np.arange(len(values)) // round(SAMPLE_RATE)) == 1, values[0], values)
 
     notices = watched.tells_of("line_pressure", for_a_second)
     assert (len(notices), notices[1]) == (2, f"{LINE}: line_pressure is well again")

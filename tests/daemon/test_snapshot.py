@@ -154,8 +154,7 @@ def test_a_bus_that_is_down_says_why(path: Path) -> None:
 
 
 def test_before_the_interface_is_there(path: Path) -> None:
-    bench = load_bench(path)
-    snapshots = SnapshotKeeper(bench)
+    snapshots = SnapshotKeeper(load_bench(path))
     snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
     status = snapshots.take().status
     assert (status.state, status.level) == ("STARTING", StatusLevel.WAITING)

@@ -42,8 +42,7 @@ def from_two(folder: Path, signals: dict[str, str], other: Clock) -> Outcome:
 
 def test_skew_that_nobody_tells_of_is_seen_in_the_error(tmp_path: Path) -> None:
     """So that the above can fail: three samples between two devices that share an index spoil the rates."""
-    late = Clock(time_scenarios.RATE, 150e-6)
-    injections = from_two(tmp_path, time_scenarios.ONE_BASE, late).injections()
+    injections = from_two(tmp_path, time_scenarios.ONE_BASE, Clock(time_scenarios.RATE, 150e-6)).injections()
     assert max(injection.rmse for injection in injections) > 2 * time_scenarios.SCENARIOS[0].rmse
 
 

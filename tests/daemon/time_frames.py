@@ -144,8 +144,7 @@ def send(name: str, clock: Clock, delays: Delays = prompt, end: float = END, wea
     noise = SimulatedNoise()
 
     def measured(signal: NDArray[np.float64], sigma: float, codes: Quantisation, unit: float) -> NDArray[np.float64]:
-        noisy = np.interp(taken, truth.time, signal) + random.normal(0.0, sigma, taken.size)
-        return codes.apply(noisy) / unit
+        return codes.apply(np.interp(taken, truth.time, signal) + random.normal(0.0, sigma, taken.size)) / unit
 
     count = np.arange(taken.size)
     values: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {

@@ -71,8 +71,7 @@ def affected(request: pytest.FixtureRequest) -> Case:
     schedule = predictor.gain_schedule(c, NOISE, SAMPLE_RATE, 10e-6, 0.4)
     substeps = substeps_needed(model.injector, SAMPLE_RATE)
     gain = schedule.gains[-1].copy()
-    setting = predictor.Setting(1 / SAMPLE_RATE, substeps, c, gain, late=0.4, lag=10e-6, offset=0.006)
-    return Case(c, schedule, setting)
+    return Case(c, schedule, predictor.Setting(1 / SAMPLE_RATE, substeps, c, gain, late=0.4, lag=10e-6, offset=0.006))
 
 
 @pytest.fixture(scope="session")
@@ -108,8 +107,7 @@ def worn_theta(seed: int = 1) -> Array:
 
 def event_inputs(rail: float = RAIL, samples: int = 600) -> Array:
     """Inputs (samples, 2) at 100 kHz: a stroke from 1 to 2.4 ms."""
-    time = np.arange(samples) / SAMPLE_RATE
-    area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
+    area = np.interp(np.arange(samples) / SAMPLE_RATE, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
     return np.column_stack([np.full(samples, rail), area])
 
 

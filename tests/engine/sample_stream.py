@@ -214,8 +214,7 @@ def true_course(injections: int, period: float, durations: tuple[float, ...], *e
 
 def period_means(signal: Array, every: int) -> Array:
     between = 0.5 * (signal[1:] + signal[:-1])
-    complete = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
-    return np.append(signal[:1], complete)
+    return np.append(signal[:1], between[: between.size // every * every].reshape(-1, every).mean(axis=1))
 
 
 def beside_rest(lift: Array, fall: float = 0.0, since: int = 0, innovation_weight: float = 0.0) -> Stream:

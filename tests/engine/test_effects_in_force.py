@@ -132,8 +132,7 @@ def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:
     recorded = np.maximum(lift - 20 * UM, 0.0)
     end = int(np.flatnonzero(recorded)[-1])
     recorded[end + 2 : end + 9 : 2] = 1.4 * UM
-    stream = with_lift_too_low(20 * UM).move(recorded).stay_shut(2e-3)
-    area = stream.rows["seat_area"][500:640]
+    area = with_lift_too_low(20 * UM).move(recorded).stay_shut(2e-3).rows["seat_area"][500:640]
     assert np.flatnonzero(area > 0.0)[-1] == np.flatnonzero(lift)[-1]
 
 

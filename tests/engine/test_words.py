@@ -51,8 +51,7 @@ def test_a_table_of_the_page_is_written_anew() -> None:
 def test_the_page_names_every_key_of_the_records() -> None:
     stream = io.StringIO()
     with ServiceLog(Console(file=io.StringIO()), stream=stream) as log:
-        teller = EventLogger(log, Notifier({}), effective_model(load_injector()).coefficients, "")
-        teller.hear(some_report())
+        EventLogger(log, Notifier({}), effective_model(load_injector()).coefficients, "").hear(some_report())
     section = PAGE.text.split("\n## Injections as JSON\n")[1].split("\n    ")[0]
     assert set(re.findall(r"`(\w+)`", section)) - {"null"} == set(json.loads(stream.getvalue()))
 

@@ -95,8 +95,7 @@ def test_lump_by_coefficients(c: Coefficients, x: State, u: tuple[float, float],
     rates_of_change(np.array(x), u, c, network, tangent)
 
     def by_coefficient(position: int, d: float) -> Sequence[float]:
-        changed = c._replace(line=LumpLine(*shifted(c.line, position, d)))
-        return rates_of_change(np.array(x), u, changed, network)[:2]
+        return rates_of_change(np.array(x), u, c._replace(line=LumpLine(*shifted(c.line, position, d))), network)[:2]
 
     bending = {"air"} if c.line.air == 0.0 else set()  # one-sided: air cannot be negative
     bending |= {"stiffness_pressure", "stiffness_bend", "chamber_pressure"}  # nothing changes them
@@ -150,7 +149,6 @@ def test_right_hand_side_by_state_and_theta(c: Coefficients, x: State, u: tuple[
 
     for i in range(3):
         if not (i == 2 and x[2] == 0.0 and u[1] == 0.0):  # at rest the sac stays
-            numeric = difference(partial(of_state, i))
-            np.testing.assert_allclose(by_state[:, i], numeric, rtol=1e-5, atol=1e-2)
+            np.testing.assert_allclose(by_state[:, i], difference(partial(of_state, i)), rtol=1e-5, atol=1e-2)
     for j in range(PARAMETERS):
         np.testing.assert_allclose(by_number[:, j], difference(partial(of_theta, j)), rtol=1e-5, atol=1e-2)

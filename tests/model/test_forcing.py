@@ -102,8 +102,7 @@ def test_a_law_of_the_flow_is_friction_along_the_whole_line(line: Line) -> None:
 
 
 def _likelihood(injector: InjectorParameters, *effects: SizedEffect) -> JointLikelihood:
-    schedule = make_schedule((140e6,), 2, 60e-3, (1.2e-3,))
-    made = simulate(injector, schedule, 100e3, effects, SimulatedNoise(), True, 1)
+    made = simulate(injector, make_schedule((140e6,), 2, 60e-3, (1.2e-3,)), 100e3, effects, SimulatedNoise(), True, 1)
     return joint_likelihood(measurements([made.recording]), effective_model(injector))
 
 

@@ -24,8 +24,7 @@ RAIL = 0.95
 
 def stroke(length: int, sample: float, area: float = 0.95) -> Array:
     """Inputs (length, 2) over 4 ms: rail at RAIL, needle up from 0.5 to 0.75 ms, down from 2 to 2.25 ms."""
-    time = np.arange(length) * sample
-    opening = np.interp(time, [0.5e-3, 0.75e-3, 2.0e-3, 2.25e-3], [0.0, area, area, 0.0])
+    opening = np.interp(np.arange(length) * sample, [0.5e-3, 0.75e-3, 2.0e-3, 2.25e-3], [0.0, area, area, 0.0])
     return np.column_stack([np.full(length, RAIL), opening])
 
 

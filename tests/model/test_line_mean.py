@@ -34,8 +34,7 @@ def step(x: NDArray[np.float64], c: Coefficients, start: float, length: float, s
 @pytest.mark.parametrize("line", LINES, ids=NAMES)
 def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dict[str, Any]) -> None:
     """Through an injection, against the same line in steps of the line's own that are summed up."""
-    parameters = with_line(load_injector(), **line)
-    plain = coefficients(parameters)
+    plain = coefficients(with_line(load_injector(), **line))
     fine = 10e-6
     # of a wave one implicit step each: the sac takes part of it, and the pressure has a middle only
     at_once, substeps = (steps_in(length) if isinstance(plain.line, WaveLine) else 40 for length in (PERIOD, fine))
@@ -67,8 +66,7 @@ def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
     def moved(x: NDArray[np.float64], pressure: float) -> NDArray[np.float64]:
         after = x.copy()
         after[-1] = 0.0
-        interval = Interval((pressure, 0.0), (pressure, 0.0), PERIOD, substeps)
-        advance_state(after, interval, c, constant_network())
+        advance_state(after, Interval((pressure, 0.0), (pressure, 0.0), PERIOD, substeps), c, constant_network())
         return after[states]
 
     x = at_rest(c)

@@ -157,8 +157,7 @@ def test_a_line_at_rest_stays_so() -> None:
 
 def test_what_leaves_the_line_was_in_it() -> None:
     """Without a rail to feed it, the expansion of the line's fuel is injected or fills the sac."""
-    parameters = injector(3e-9, end_volume=2e-8)
-    c = effective_model(parameters).coefficients
+    c = effective_model(injector(3e-9, end_volume=2e-8)).coefficients
     line = c.line._replace(a3=1e-9 * c.line.a3)  # so heavy that nothing moves along it
     rate = 1e6
     alone = c._replace(line=line)
@@ -204,8 +203,7 @@ def test_the_wall_remembers_as_it_should() -> None:
 def test_a_tiny_sac_is_where_its_flows_balance() -> None:
     c = effective_model(injector(1e-11)).coefficients
     states, _ = run(c, RATE, 1, 0.9e-3)
-    x = states[-1]
-    flows = slopes_of_flows(x, (RAIL, area(0.9e-3)), c, constant_network())
+    flows = slopes_of_flows(states[-1], (RAIL, area(0.9e-3)), c, constant_network())
     q_h, q_s = flows["q_h"], flows["q_s"]
     assert c.nozzle.flow * q_h == pytest.approx(c.sac.a5 / c.sac.a6 * c.nozzle.flow * q_s, rel=1e-5)
 

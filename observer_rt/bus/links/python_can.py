@@ -116,8 +116,7 @@ class PythonCanLink(Link):
             if self._receiver is not None and self._reads:
                 self._lost.note(lost_by(self._receiver))
             if message.is_error_frame:
-                counted = self._condition.error_frames + 1
-                self._condition = replace(self._condition, error_frames=counted)
+                self._condition = replace(self._condition, error_frames=self._condition.error_frames + 1)
                 continue
             if message.is_remote_frame:
                 continue

@@ -281,8 +281,7 @@ def shared_resources(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list
     owners: dict[str, list[str]] = {}
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         for layout in bus.sent:
-            message = f"the message {mapped.name_of(layout)} 0x{layout.frame_id:X}"
-            owners.setdefault(message, []).append(injector.name)
+            owners.setdefault(f"the message {mapped.name_of(layout)} 0x{layout.frame_id:X}", []).append(injector.name)
         owners.setdefault(f"outputs.injector_id = {injector.config.outputs.injector_id}", []).append(injector.name)
         for key, file in (("file", injector.state), ("journal", injector.journal)):
             if file is not None:

@@ -73,8 +73,7 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Statement]:
         yield graded(True, f"{prefix} the sample index", topic="time")
     else:
         text = f"{prefix} receive stamps, too short by the jitter of its frames"
-        remedy = "an index of the line pressure's time base would tell them to a sample"
-        yield warning(text, remedy, topic="time")
+        yield warning(text, "an index of the line pressure's time base would tell them to a sample", topic="time")
     if cycle is not None and cycle >= COARSE:
         text = (
             f"{layout.name}: a level every {cycle / units.MILLISECOND:g} ms misses shorter energizing; "

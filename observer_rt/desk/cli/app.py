@@ -112,8 +112,7 @@ def _abandon(stream: TextIO) -> None:
 
 def _fail(message: str, exit_code: int) -> NoReturn:
     # at once: a signal may end the process between two
-    text = Text.assemble(("error:", "red"), f" {visible(message)}")
-    messages.print(text, soft_wrap=not messages.is_terminal)
+    messages.print(Text.assemble(("error:", "red"), f" {visible(message)}"), soft_wrap=not messages.is_terminal)
     sys.exit(exit_code)
 
 

@@ -75,8 +75,7 @@ def _demo_of_loop(options: DemoOptions) -> None:
         raise UserError(f"--out {options.out}", "is not empty", "name another folder")
     hidden = loop.hidden_effect(options.seed, options.outside)
     say(messages, f"hidden: {hidden.words}; the observer knows the nominal injector only")
-    tell = partial(say, messages)
-    result = loop.EffectDemo(options.out, hidden, options.seed, loop.SPEED, tell).run()
+    result = loop.EffectDemo(options.out, hidden, options.seed, loop.SPEED, partial(say, messages)).run()
     loop.write_loop_figure(result, options.figure)
     results().print(loop.loop_table(result))
     say(messages, f"picture: {options.figure}; what was found, and why: {result.report}")
@@ -153,5 +152,4 @@ def monitor(
     """Serve a live page of the daemons of a bench: last injections, masses, wear, states and what to do."""
     from observer_rt.desk.live_page.server import serve_page
 
-    chosen = load_bench(bench).of(injector)
-    serve_page(chosen, address, port, out, messages)
+    serve_page(load_bench(bench).of(injector), address, port, out, messages)

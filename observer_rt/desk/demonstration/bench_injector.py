@@ -99,8 +99,7 @@ class BenchRecording(NamedTuple):
 
     def mass(self, first: int, last: int) -> float:
         """Mass [kg] that was injected over the samples first..last."""
-        volume = float(np.trapezoid(self.injection_rate[first : last + 1])) / self.recording.sample_rate
-        return volume * DENSITY
+        return float(np.trapezoid(self.injection_rate[first : last + 1])) / self.recording.sample_rate * DENSITY
 
 
 def record(operation: BenchOperation, departure: Departure, sample_rate: float, seed: int) -> BenchRecording:

@@ -111,8 +111,7 @@ class EffectDemo:
         with Path(os.devnull).open("w") as nowhere:
             playing = Thread(target=play_scene, name="scene")
             playing.start()
-            options = RunOptions(log=log, journal=self.folder / JOURNAL)
-            serve(lambda: load_bench(file), options, Console(file=nowhere))
+            serve(lambda: load_bench(file), RunOptions(log=log, journal=self.folder / JOURNAL), Console(file=nowhere))
             playing.join()
         if failures:
             raise failures[0]
@@ -166,8 +165,7 @@ class EffectDemo:
     def _discover(self) -> Path | None:
         """Run `discover` in its own process, beside the daemon; the amended file, None without one."""
         folder = self.folder / FOUND
-        evidence = str(self.folder / "evidence")
-        command = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", evidence]
+        command = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(self.folder / "evidence")]
         command += ["--out", str(folder), "--accept-term", "1", "--force"]
         asked = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=lambda: os.nice(NICE))
         if asked.returncode:
@@ -199,8 +197,7 @@ def loop_table(result: LoopResult) -> Table:
         )
         for row in result.injections.itertuples()
     )
-    title = "Injected mass from the daemon's journal"
-    return plain_table(headings, rows, range(len(headings)), gap=1, title=title)
+    return plain_table(headings, rows, range(len(headings)), gap=1, title="Injected mass from the daemon's journal")
 
 
 def write_loop_figure(result: LoopResult, path: Path) -> None:

@@ -53,8 +53,7 @@ def mass_table(result: DemoResult) -> Table:
     """Masses and their errors, injection by injection."""
     headings = ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid")
     title = f"Injected mass as published on {result.link}"
-    rows = [[*_cells(row)] for row in result.masses]
-    return plain_table(headings, rows, range(len(headings)), gap=1, title=title)
+    return plain_table(headings, [[*_cells(row)] for row in result.masses], range(len(headings)), gap=1, title=title)
 
 
 def _cells(row: MassRow) -> Iterator[str]:
@@ -80,8 +79,7 @@ class Demo:
         self.link = demo_link()
         self.bench = _on_link(load_bench().exact, self.link)
         operation = BenchOperation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
-        worn = Departure(nozzle=1.0 + wear)
-        self._truth = record(operation, worn, self.bench.injector.sample_rate, seed)
+        self._truth = record(operation, Departure(nozzle=1.0 + wear), self.bench.injector.sample_rate, seed)
         self.recording = self._truth.recording
         self._nominal = NominalInjection(self.bench.injector)
         self._compared: dict[int, Sequence[ComparedRate]] = {}  # true and nominal, by the injection
@@ -163,8 +161,7 @@ def write_figure(result: DemoResult, wear: float, path: Path) -> None:
 def _on_link(bench: Bench, link: LinkConfig) -> Bench:
     """The bench on another link, learning in lockstep so that every demonstration is the same."""
     learning = bench.injector.config.learning.model_copy(update={"lockstep": True})
-    config = bench.config.model_copy(update={"link": link})
-    return replace(bench, config=config).with_sections(learning=learning)
+    return replace(bench, config=bench.config.model_copy(update={"link": link})).with_sections(learning=learning)
 
 
 def _wait_until_quiet(daemon: Daemon, interrupted: threading.Event) -> None:

@@ -60,8 +60,7 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
             _draw_bars(axes, table)
         else:
             colour = ESTIMATED if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
-            nominal = NOMINAL if len(recordings) == 1 else colour
-            _draw_points(axes, table, colour, nominal)
+            _draw_points(axes, table, colour, NOMINAL if len(recordings) == 1 else colour)
     axes.set(xlabel="injection", ylabel=label)
     axes.use_sticky_edges = False  # numbers of bars that hang down have room above them, too
     axes.margins(y=0.12)
@@ -105,8 +104,7 @@ def _draw_bars(axes: Axes, table: pd.DataFrame) -> None:
             bar.set(alpha=0.35, hatch="//")
         if np.isfinite(row.estimated):
             position = row.number + 0.2, max(np.fmax(row.high, row.estimated), 0.0)
-            text = f"{row.said:.2f}"
-            axes.annotate(text, position, (0, 2), textcoords="offset points", ha="center", fontsize=7)
+            axes.annotate(f"{row.said:.2f}", position, (0, 2), textcoords="offset points", ha="center", fontsize=7)
 
 
 def _draw_points(axes: Axes, table: pd.DataFrame, colour: str, nominal: str) -> None:
@@ -131,8 +129,7 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
             half = PERCENT * Z_95 * np.array([estimate.sigma or np.nan for estimate in estimates])
             colour = own if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
             axes.fill_between(numbers, value - half, value + half, color=colour, alpha=0.18, lw=0)
-            marker = "." if len(numbers) <= ANNOTATED else None
-            axes.plot(numbers, value, style, color=colour, lw=1.4, marker=marker)
+            axes.plot(numbers, value, style, color=colour, lw=1.4, marker="." if len(numbers) <= ANNOTATED else None)
             late = slice(half.size // 2, None)  # the first intervals are as wide as what is known beforehand
             shown += [value, (value - half)[late], (value + half)[late]]
     values = np.concatenate(shown) if shown else np.zeros(0)
@@ -189,8 +186,7 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
     learned = recordings[0].learned if len(recordings) == 1 else ()
     sections = [sum(of_each)] * rows + [sum(heights)] + [height_of(learned)] * bool(learned)
-    size = max(8.8, 4.1 * columns), sum(sections) + 0.8
-    figure = NotebookFigure(figsize=size, layout="constrained")
+    figure = NotebookFigure(figsize=(max(8.8, 4.1 * columns), sum(sections) + 0.8), layout="constrained")
     parts = figure.add_gridspec(len(sections), 1, height_ratios=sections)
     if learned:
         draw_learned(parts[-1], learned)
@@ -279,8 +275,7 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
         estimates = [(curve.estimated, thin, "observer, live"), (curve.corrected, 2.0, "by its own pressures")]
     for rate, width, label in estimates:
         axes.plot(time, rate / MM3_PER_MS, color=colour or ESTIMATED, lw=width, label=label)
-    nominal = curve.nominal / MM3_PER_MS
-    axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
+    axes.plot(time, curve.nominal / MM3_PER_MS, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
     if curve.sigma is not None and colour is None:  # An interval that tells nothing is not to flatten the curves.
         drawn = np.concatenate([line.get_ydata() for line in axes.lines])
         drawn = drawn[np.isfinite(drawn)]

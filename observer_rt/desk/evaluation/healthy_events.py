@@ -112,8 +112,7 @@ def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder
             run = replace(event.whitened, shape=shape).linearised(event.theta)
             tempered.append(TemperedEvent(run, event.covariance))
             innovations, interval = Innovations(run.innovations, event.whitened.sigma), event.cost.setting.interval
-            phase_values = event_statistics(event.cost.window, innovations, interval, NOT_FITTED)
-            total = total.faded(1.0, phase_values)
+            total = total.faded(1.0, event_statistics(event.cost.window, innovations, interval, NOT_FITTED))
         statistics.append(total)
     return HealthyRemainder(
         variance=PhaseFigures.of({p.name: max(statistic.variance(p) for statistic in statistics) for p in Phase}),

@@ -246,8 +246,7 @@ CAUSES = (absent_message, frame_length, impossible_value, declared_range, protec
 
 def refusal(log: DecodedLog, samples: int) -> UserError:
     """The error for a log that gives so few samples."""
-    causes = (cause for rule in CAUSES for cause in rule(log))
-    cause = next(causes, Cause("no known cause"))
+    cause = next((cause for rule in CAUSES for cause in rule(log)), Cause("no known cause"))
     problem = f"its {log.watch.core.counters.frames} input frames give {samples} samples: {cause.problem}"
     return UserError(str(log.frames.path), problem, cause.remedy if cause.tried() else "")
 

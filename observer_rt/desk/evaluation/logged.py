@@ -52,8 +52,7 @@ class LoggedSignals(SignalStream):
         self._bench = bench
         self._bus = map_bus(bench)
         needed = {layout.bus for layout in self._bus.input_layouts}
-        channels = chosen_channels(path, bench.config.buses, needed, from_channels)
-        self.frames = InputFrames(path, self._bus, channels)
+        self.frames = InputFrames(path, self._bus, chosen_channels(path, bench.config.buses, needed, from_channels))
         self.sample_rate = bench.injector.sample_rate
         self.logged = self._look_through(path, progress)
         """Sample indices of the log, missing ones included, split where a restart of the device begins them anew."""

@@ -48,8 +48,7 @@ def beside_map(
 ) -> tuple[ComparedPoint, ...]:
     """Compare injections with a map, point by point in its order."""
     shots = _shots(injections)
-    pairs = zip(shots.rail_pressure, shots.energizing, strict=True)
-    points = np.array([_nearest(of, *pair) for pair in pairs], int)
+    points = np.array([_nearest(of, *pair) for pair in zip(shots.rail_pressure, shots.energizing, strict=True)], int)
     return tuple(_compared(of, number, shots, points == number, injector) for number in range(of.mass.size))
 
 

@@ -156,8 +156,7 @@ def fit_map(file: InjectorParameters, of: MassMap, progress: Callable[[float], N
         progress(min(next(done) / most, 0.99))
 
     problem = _MapProblem(file, of, free)
-    start = min(problem.starts(), key=lambda theta: problem.residuals(theta).statistic)
-    first = problem.fitted(start, step, ROUGH)
+    first = problem.fitted(min(problem.starts(), key=lambda theta: problem.residuals(theta).statistic), step, ROUGH)
     spread = _spread(first.residuals.z[: of.mass.size], len(free))
     problem = replace(problem, map=replace(of, sigma=math.sqrt(spread) * of.sigma))
     best = problem.fitted(first.theta, step)

@@ -148,8 +148,7 @@ class Injector:
             path = Path(folder) / _FITTED
             write_fitted(path, self.file, fitted.done, fitted.baseline)
             made = self._with_file(path)
-        said = (*notes, *map(coverage, measured), *fitted.warnings)
-        return replace(made, calibration=replace(fitted, notes=said))
+        return replace(made, calibration=replace(fitted, notes=(*notes, *map(coverage, measured), *fitted.warnings)))
 
     def fit_map(self, masses: Pathlike) -> Self:
         """Fit nozzle, back pressure and needle to a map of masses, without any recording.
@@ -260,8 +259,7 @@ class Injector:
             refuse_incomparable(task, self.file.name)
             with progress_bar(screen, "looking for what is missing", 1.0) as progress:
                 findings = answer(task, progress)
-            said = (*notes, *map(coverage, measured))
-            return DiscoveryResult(self, task, findings, said)
+            return DiscoveryResult(self, task, findings, (*notes, *map(coverage, measured)))
 
     def _with_file(self, path: Path) -> Self:
         """The injector of another file, on this bench."""

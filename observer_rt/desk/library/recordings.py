@@ -83,8 +83,7 @@ def to_frame(recording: Recording) -> pd.DataFrame:
         A row a sample; the end of a column's name is its unit.
     """
     arrays = recording.arrays
-    columns = {c.header: arrays[c.channel] / c.factor for c in PRINTED if c.channel in arrays}
-    return pd.DataFrame(columns)
+    return pd.DataFrame({c.header: arrays[c.channel] / c.factor for c in PRINTED if c.channel in arrays})
 
 
 def sources_of(recordings: Recordings, bench: Bench, console: Console) -> list[SignalStream]:

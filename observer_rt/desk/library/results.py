@@ -91,8 +91,7 @@ class EvaluationResult(KnowledgeHolder):
             for result in evaluation.injections
             if result.budget is not None
         ]
-        columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
-        return pd.DataFrame(rows, columns=columns)
+        return pd.DataFrame(rows, columns=[RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)])
 
     @cached_property
     def learned(self) -> pd.DataFrame:

@@ -47,8 +47,7 @@ def draw_figure_3(path: Path, study: Study) -> None:
         axes[0, column].set_title(f"rail pressure {truth.rail_pressure[0] / MEGAPASCAL:.0f} MPa")
         axes[3, column].set_xlabel(TIME)
     axes[0, 0].set_ylim(0, 160)
-    lines = axes[0, 2].lines + axes[2, 2].lines
-    axes[0, 2].legend(lines, ["input", "model"], loc="lower right", frameon=False)
+    axes[0, 2].legend(axes[0, 2].lines + axes[2, 2].lines, ["input", "model"], loc="lower right", frameon=False)
     figure.suptitle(
         "Fig. 3: simplified injector model, energizing time 1.9 ms\n"
         "our nominal parameters; no measurement is published, so there is none to compare with"
@@ -105,8 +104,7 @@ def draw_figure_5(path: Path, study: Study) -> None:
     for row, scale in enumerate(("linear", "log")):
         panel = figure.add_subplot(grid[row, 1])
         for estimator, look in LOOK.items():
-            values = np.array([case.mse(estimator) for case in study.cases])
-            panel.plot(wears, values, marker="o", ms=4, **look)
+            panel.plot(wears, np.array([case.mse(estimator) for case in study.cases]), marker="o", ms=4, **look)
         panel.set(yscale=scale, ylabel="MSE of $x_3$ (28) [-]", xticks=wears)
         panel.grid(alpha=0.3)
         if row == 0:

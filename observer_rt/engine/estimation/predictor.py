@@ -103,8 +103,7 @@ def gain_schedule(
     variance = solve_riccati(*matrices, False)
     if not (variance >= measurement and np.isfinite(gains).all()):
         variance = solve_riccati(*matrices, True)
-    columns = [0, 1, m, *range(2, m)]
-    return GainSchedule(np.ascontiguousarray(gains[:, columns]), math.sqrt(variance))
+    return GainSchedule(np.ascontiguousarray(gains[:, [0, 1, m, *range(2, m)]]), math.sqrt(variance))
 
 
 def _coloured(
@@ -182,8 +181,7 @@ class Window(NamedTuple):
 
     def until(self, end: int) -> "Window":
         """The first `end` samples of the window; its inputs go on, for a pilot valve is ahead of the lift."""
-        sampled = ("output", "resting", "masked")
-        return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
+        return self._replace(**{name: getattr(self, name)[:end] for name in ("output", "resting", "masked")})
 
     def as_learned(self, learned: LearnedModel, setting: "Setting") -> "Window":
         """The window with the needle as learned: its answer to commands, or its recorded lift, which may be late."""

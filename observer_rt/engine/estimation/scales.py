@@ -142,8 +142,7 @@ def _in_use(belief: Belief, pairs: Pairs, has_errors: bool = True) -> Belief:
     """The belief about the columns in use, the weights of all other pairs 0."""
     others = _others(pairs)
     noises = np.full((1, others.size), _NOISES[0])
-    measured = _measured(belief, WEIGHTS[others], _PRIOR[others], noises, _ALONE, has_errors)
-    return measured.part(columns_in_use(pairs))
+    return _measured(belief, WEIGHTS[others], _PRIOR[others], noises, _ALONE, has_errors).part(columns_in_use(pairs))
 
 
 @lru_cache(32)

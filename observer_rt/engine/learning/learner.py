@@ -179,8 +179,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     state, forward = unlike.state, named(verdict.forward, explained, reader)
     if not unlike.begins_anew:
         changed = sum(each.weight for each, _ in explained.explanations if each.kind in kinds.UNLIKE_BEFORE)
-        changes = CHANGES_REMEMBERED * state.changes + changed
-        state = replace(state, account=explained.account, changes=changes)
+        state = replace(state, account=explained.account, changes=CHANGES_REMEMBERED * state.changes + changed)
     before = explanation.before
     if explanation.is_good:
         holds = abs(event_mass.moved_far(before.theta)) <= mass.HOLDS
@@ -192,8 +191,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     in_force = theta
     if explanation.kind is kinds.QUICK and velocity is not None:
         in_force = _ahead(theta, explanation, velocity, reader)
-    by_coil = unlike.state.energizing.current.unsure
-    covariance = covariance + _apart(explained, event_mass, shares.agreement) + by_coil
+    covariance = covariance + _apart(explained, event_mass, shares.agreement) + unlike.state.energizing.current.unsure
     again = replace(
         again,
         covariance=covariance,

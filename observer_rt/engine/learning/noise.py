@@ -123,8 +123,7 @@ class Whitening:
         """
         columns = values.reshape(values.shape[0], -1)
         result = np.empty_like(columns)
-        forgetting = NO_HIGH_PASS if self.forgetting is None else self.forgetting
-        whiten(columns, masked, forgetting, self.taps, result)
+        whiten(columns, masked, NO_HIGH_PASS if self.forgetting is None else self.forgetting, self.taps, result)
         return result.reshape(values.shape)
 
 

@@ -64,8 +64,7 @@ class EventEvidence:
     def packed(self) -> bytes:
         """A line of JSON, followed by the signals as float64, for `unpacked`."""
         said = {name: value for name, value in vars(self).items() if name != "signals"}
-        line = json.dumps({**said, "samples": self.signals.shape[1]})
-        return line.encode() + b"\n" + self.signals.tobytes()
+        return json.dumps({**said, "samples": self.signals.shape[1]}).encode() + b"\n" + self.signals.tobytes()
 
     @classmethod
     def unpacked(cls, line: bytes, values: Floats) -> Self:

@@ -46,8 +46,7 @@ class LearnedLaw:
         """Largest departure from a level law, in half widths of the interval: up to 1 it may be level."""
         flows = self.half_width > 0.0  # not below the pressure of a chamber
         change, half_width = self.change[flows], self.half_width[flows]
-        level = np.average(change, weights=half_width**-2.0)
-        return float(np.max(np.abs(change - level) / half_width))
+        return float(np.max(np.abs(change - np.average(change, weights=half_width**-2.0)) / half_width))
 
     @property
     def words(self) -> str:

@@ -183,8 +183,7 @@ class EnergizingWatch:
         command.has_opened = True
         delay = math.nan
         if is_seen:
-            delay = samples_between(self._position(command.start), opening) / self._sample_rate
-            self._delays.append(delay)
+            self._delays.append(samples_between(self._position(command.start), opening) / self._sample_rate)
         return CommandedOpening(command.number, delay, command.duration)
 
     def look(self) -> None:

@@ -183,8 +183,7 @@ class ResultFrames:
         if self._rate_layout is None or self._ready[0] == 0:
             return
         for frame in self._publisher.out[: int(self._ready[0])]:
-            payload = frame["payload"][: int(frame["length"])].tobytes()
-            self._frames.append(output_frame(self._rate_layout, payload))
+            self._frames.append(output_frame(self._rate_layout, frame["payload"][: int(frame["length"])].tobytes()))
         self._ready[0] = 0
 
     def add_summary(self, report: InjectionReport, learning: bool, pressure_scale: float) -> None:

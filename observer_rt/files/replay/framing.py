@@ -45,8 +45,7 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
     replaced = [name for name in Surroundings._fields if name in recording.recorded]  # no frame carries them
     replaced += [] if recording.has_lift else ["needle_lift"]
     if replaced:
-        signals = bench.injector.config.signals.model_copy(update=dict.fromkeys(replaced))
-        bench = bench.with_sections(signals=signals)
+        bench = bench.with_sections(signals=bench.injector.config.signals.model_copy(update=dict.fromkeys(replaced)))
     sampling = bench.injector.config.sampling
     if recording.meaning not in (None, sampling.meaning):
         sampling = sampling.model_copy(update={"meaning": recording.meaning})
@@ -200,8 +199,7 @@ def _merged(messages: Sequence[FramedRecording]) -> FramedRecording:
         return messages[0]
     numbers = np.concatenate([message.numbers for message in messages])
     due = np.concatenate([message.due for message in messages])
-    not_before = np.concatenate([np.maximum.accumulate(message.due) for message in messages])
-    order = np.lexsort((numbers, not_before))
+    order = np.lexsort((numbers, np.concatenate([np.maximum.accumulate(message.due) for message in messages])))
     lengths = np.concatenate([np.diff(message.starts) for message in messages])
     starts = np.concatenate(([0], np.cumsum(lengths[order])))
     data = np.empty(int(starts[-1]), np.uint8)

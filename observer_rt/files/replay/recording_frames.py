@@ -110,8 +110,7 @@ class Device:
         for framed, stamps in self._stamped(chunk):
             for number, stamp, data in zip(framed.numbers.tolist(), stamps.tolist(), framed.payloads(), strict=True):
                 layout = self._layouts[number]
-                frame = Frame(layout.frame_id, data, stamp, layout.is_extended, layout.is_fd)
-                yield BusFrame(layout.bus, frame)
+                yield BusFrame(layout.bus, Frame(layout.frame_id, data, stamp, layout.is_extended, layout.is_fd))
 
     def blocks(self, chunk: Chunk) -> Iterator[FrameBlock]:
         for framed, stamps in self._stamped(chunk):

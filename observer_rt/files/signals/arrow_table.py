@@ -63,8 +63,7 @@ class ArrowTable(Table):
         if not _is_number(column.type):
             location = f"{self.path}, column {name}"
             raise UserError(location, f"holds {column.type}, no numbers", "map a column of numbers")
-        doubles = column.cast(pyarrow.float64(), safe=False)
-        return np.array(doubles.to_numpy(zero_copy_only=False), np.float64)
+        return np.array(column.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False), np.float64)
 
 
 class ParquetTable(ArrowTable, FileTable):

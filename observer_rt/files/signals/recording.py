@@ -105,8 +105,7 @@ class TimeGrid:
         span = self._last - self._begin
         rate = (self.samples - 1) / span
         stamp_error = self._farthest()[1] + 2.0 * float(np.spacing(max(abs(self._begin), abs(self._last))))
-        margin = 2.0 * stamp_error / span
-        return roundest(rate, margin)
+        return roundest(rate, 2.0 * stamp_error / span)
 
     def _farthest(self) -> tuple[int, float]:
         rows, distances = np.array(self._extremes).T

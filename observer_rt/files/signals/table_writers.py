@@ -74,8 +74,7 @@ class CsvWriter(TableWriter):
                 [column.words[i] for i in values[rows].tolist()] if column.words else values[rows].tolist()
                 for column, values in zip(self._columns, arrays, strict=True)
             ]
-            text = "\n".join(map(self._format.__mod__, zip(*cells, strict=True))) + "\n"
-            self._file.write(_NAN.sub("", text))
+            self._file.write(_NAN.sub("", "\n".join(map(self._format.__mod__, zip(*cells, strict=True))) + "\n"))
 
 
 class Mdf4Writer(TableWriter):

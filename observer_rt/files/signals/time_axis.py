@@ -165,8 +165,7 @@ class AxisSurvey:
             rising = np.diff(time)
             rising = rising[rising > 0.0]
             self.period = float(np.median(rising)) if rising.size else 0.0
-        before = self.runs[-1].end if self.runs else np.nan
-        step = np.diff(time, prepend=before)
+        step = np.diff(time, prepend=self.runs[-1].end if self.runs else np.nan)
         limit = max(self.reach, self.period)
         breaks = np.flatnonzero(~((step <= limit) & (step >= -limit)))
         gaps = step[(step > LOST * self.period) & (step <= limit)]

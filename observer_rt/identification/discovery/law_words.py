@@ -70,8 +70,7 @@ def law_text(term: Term) -> str:
     """A term as an injector file has it, with its coefficient and the interval of that."""
     low, high = term.interval or (term.coefficient, term.coefficient)
     step = significant(0.5 * (high - low))
-    unit = "" if term.equation.is_share else str(term.equation.unit)
-    sized = with_unit(shown(term.coefficient, step), sign(unit))
+    sized = with_unit(shown(term.coefficient, step), sign("" if term.equation.is_share else str(term.equation.unit)))
     return f"{term.equation} = {term.law}, c = {sized} (95 %: {shown(low, step)} to {shown(high, step)})"
 
 
@@ -193,8 +192,7 @@ def _in_proportion(line: StraightLaw) -> Reading:
 
 def _kinked(line: StraightLaw) -> Reading:
     subject, side = line.subject, "above" if line.slope > 0.0 else "below"
-    words = f"of {subject.words} {side} {subject.amount(line.zero)}"
-    return Reading(abs(line.slope), words, subject.unit_word)
+    return Reading(abs(line.slope), f"of {subject.words} {side} {subject.amount(line.zero)}", subject.unit_word)
 
 
 def _step(line: StraightLaw, before: str, size: float) -> Reading:

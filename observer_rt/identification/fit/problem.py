@@ -214,8 +214,7 @@ class Certainty:
     @property
     def undetermined(self) -> FreeParameter | None:
         """The least certain of the parameters that the data do not determine; None if they determine all."""
-        spreads = [math.inf if one is STIFFENING else one.spread for one in self.free]
-        shares = np.nan_to_num(self.sigmas) / spreads
+        shares = np.nan_to_num(self.sigmas) / [math.inf if one is STIFFENING else one.spread for one in self.free]
         worst = int(np.argmax(shares))
         return self.free[worst] if shares[worst] > UNDETERMINED_SHARE else None
 

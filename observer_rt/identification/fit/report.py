@@ -85,8 +85,7 @@ def parameter_table(parameters: Mapping[str, FittedNumber]) -> Table:
         )
         for name, size in parameters.items()
     ]
-    names = ("parameter", "", "file", "fitted", "95 % interval", "unit")
-    return plain_table(names, rows, right=(2, 3, 4), folds=())
+    return plain_table(("parameter", "", "file", "fitted", "95 % interval", "unit"), rows, right=(2, 3, 4), folds=())
 
 
 def _weighed(fit: FitDocument) -> Iterator[tuple[str, ...]]:
@@ -152,8 +151,7 @@ def _overlay(
     since = (shown - shown[0]) * interval / MILLISECOND
     axes.plot(since, recording.line_pressure[shown] / MEGAPASCAL, color=MEASURED, lw=0.8, label="measured")
     if before is not None:
-        pressure = before.line_pressure[: shown.size] / MEGAPASCAL
-        axes.plot(since, pressure, color=GIVEN, lw=1.0, ls="--", label="file")
+        axes.plot(since, before.line_pressure[: shown.size] / MEGAPASCAL, color=GIVEN, lw=1.0, ls="--", label="file")
     axes.plot(since, after.line_pressure[: shown.size] / MEGAPASCAL, color=FOUND, lw=1.0, label="fitted")
     point = point_name(rail_pressure_before(after.event, recording), open_time(after.event, recording))
     axes.set_title(point, fontsize=9)

@@ -45,8 +45,7 @@ def point_name(rail_pressure: float, duration: float) -> str:
 
 def distinct(rail_pressures: Iterable[float]) -> int:
     """Number of rail pressures [Pa] that differ by more than the accuracy with which they are controlled."""
-    ordered = sorted(rail_pressures)
-    return 1 + sum(after - before > POINT_PRESSURE / 2.0 for before, after in pairwise(ordered))
+    return 1 + sum(after - before > POINT_PRESSURE / 2.0 for before, after in pairwise(sorted(rail_pressures)))
 
 
 def by_operating_point(recordings: Sequence[Measurement]) -> tuple[OperatingPoint, ...]:

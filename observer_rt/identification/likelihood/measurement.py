@@ -206,8 +206,7 @@ class Rows:
 
     def volumes(self, rate: Floats) -> Floats:
         """Volume of every event (w,) [m3] by the injection rate (n,) [m3/s] of its rows."""
-        inside = np.where(self._injecting, rate, 0.0)
-        return np.add.reduceat(inside, self.bounds[:-1]) * self._interval
+        return np.add.reduceat(np.where(self._injecting, rate, 0.0), self.bounds[:-1]) * self._interval
 
 
 def with_free_needle(recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:

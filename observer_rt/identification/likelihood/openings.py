@@ -92,8 +92,7 @@ def _ramp(lift: Floats, samples: int) -> Ramp:
     used = lift[first:end]
     offsets = np.arange(used.size) - 0.5 * (used.size - 1)
     slope = float(offsets @ used) / max(float(offsets @ offsets), 0.5)  # one sample has none
-    level = float(np.mean(used)) - slope * (first + 0.5 * (used.size - 1))
-    return Ramp(level, max(slope, 0.0))
+    return Ramp(float(np.mean(used)) - slope * (first + 0.5 * (used.size - 1)), max(slope, 0.0))
 
 
 def without_lag(lift: Floats, sample_rate: float, lag: float) -> Floats:

@@ -35,8 +35,7 @@ def sized(effect_id: str, **values: float) -> SizedEffect:
 def sized_in_force(effect: EffectInForce) -> SizedEffect:
     """An effect of the injector file, its values in SI. Raises KeyError for an id that is not in the vocabulary."""
     by_name = {p.name: p for p in VOCABULARY[effect.id].parameters}
-    values = {name: printed.value * by_name[name].si for name, printed in effect.parameters.items()}
-    return sized(effect.id, **values)
+    return sized(effect.id, **{name: printed.value * by_name[name].si for name, printed in effect.parameters.items()})
 
 
 def effective_model(parameters: InjectorParameters, effects: Sequence[SizedEffect] = ()) -> EffectiveModel:

@@ -59,8 +59,7 @@ def take_rows(alignment: Alignment, rows: list[Row]) -> None:
     decided = int(alignment.memory["decided"][0])
     for row in alignment.recorded[np.arange(len(rows), decided) % RECORDED_RING]:
         values, broken = tuple(float(v) for v in row["values"]), Break(int(row["broken"]))
-        after = float(row["shares"][LIFT])
-        rows.append(Row(int(row["index"]), values, bool(row["interpolated"]), broken, after))
+        rows.append(Row(int(row["index"]), values, bool(row["interpolated"]), broken, float(row["shares"][LIFT])))
 
 
 @dataclass(frozen=True)

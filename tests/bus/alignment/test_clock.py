@@ -108,8 +108,7 @@ def test_jitter_is_that_of_the_delays() -> None:
     random = np.random.default_rng(3)
     taken = sent(2.0)
     late = np.where(np.arange(taken.size) % 2 == 0, 0.0, random.uniform(0.0, 80e3, taken.size))
-    clock = fed(taken + DELAY + late)
-    jitter = jitter_of(clock[0])
+    jitter = jitter_of(fed(taken + DELAY + late)[0])
     assert jitter.sigma * 1e9 == pytest.approx(late.std(), rel=0.03)
     assert jitter.greatest * 1e9 == pytest.approx(late.max(), rel=0.01)
     assert jitter_of(fed(np.empty(0))[0]).frames == 0

@@ -37,8 +37,7 @@ class Counter:
         self._keeping = keeping_of(Numbering.STAMPS if modulus == 1 else Numbering.COUNTER, CYCLE, modulus=modulus)
 
     def take(self, number: int, come: float) -> None:
-        stamp = EPOCH + round(come * 1e9)
-        outcome, doubt = time_frame(self._keeping, 0, number % self.modulus, -1, stamp)
+        outcome, doubt = time_frame(self._keeping, 0, number % self.modulus, -1, EPOCH + round(come * 1e9))
         if outcome in (Count.REPEATED, Count.OLD):
             self.dropped.append(Count(outcome))
             return

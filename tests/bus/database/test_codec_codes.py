@@ -31,13 +31,11 @@ def message_with(layout: str, codes: dict[str, int] | None = None, value_type: i
         *([f"SIG_VALTYPE_ 1 Value : {value_type};"] if value_type else []),
         more,
     ]
-    database = cantools.database.load_string("\n".join(lines) + "\n", "dbc")
-    return database.get_message_by_name("Message")
+    return cantools.database.load_string("\n".join(lines) + "\n", "dbc").get_message_by_name("Message")
 
 
 def float_message(length: int) -> Message:
-    conversion = BaseConversion.factory(is_float=True)
-    return Message(1, "Message", 8, [Signal("Value", 0, length, conversion=conversion)])
+    return Message(1, "Message", 8, [Signal("Value", 0, length, conversion=BaseConversion.factory(is_float=True))])
 
 
 def decoded(message: Message, payload: bytes) -> float:

@@ -57,8 +57,7 @@ def riccati(transition: Array, rail: Array, c: Coefficients, noise: NoiseLevels)
     """Steady gain (3,) of four states, the last measured, that the rail's noise drives; and innovation sigma."""
     process = np.outer(rail, rail) * (noise.rail_pressure / c.pressure_scale) ** 2
     measurement = np.array([[(noise.line_pressure / c.pressure_scale) ** 2]])
-    output = np.array([[0.0, 0.0, 0.0, 1.0]])
-    covariance = solve_discrete_are(transition.T, output.T, process, measurement)
+    covariance = solve_discrete_are(transition.T, np.array([[0.0, 0.0, 0.0, 1.0]]).T, process, measurement)
     variance = covariance[3, 3] + measurement[0, 0]
     return covariance[:3, 3] / variance, math.sqrt(variance)
 
@@ -95,8 +94,7 @@ def test_first_gain_trusts_the_measurement_where_the_start_is_unknown(nominal: C
 def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> None:
     """From p_L = y and Q_L = 0 in a line that swings by 10 mm3/ms: then within five steady sigmas of x~."""
     c, setting = nominal.c, nominal.setting
-    time = np.arange(300) / SAMPLE_RATE
-    angle = c.line.mode * time
+    angle = c.line.mode * (np.arange(300) / SAMPLE_RATE)
     flow = 1e-5 / c.flow_scale
     line = 0.95 + flow * c.line.impedance * np.sin(angle)
     random = np.random.default_rng(5)
@@ -117,8 +115,7 @@ def test_start_in_a_ringing_line_is_good_after_a_millisecond(nominal: Case) -> N
 
 def _free_line(c: Coefficients, x: Array) -> Array:
     """A shut line one sample later, its friction by one Euler step."""
-    rates = np.array([[0.0, c.line.a1], [-c.line.a3, 0.0]]) / SAMPLE_RATE
-    moved = expm(rates) @ np.array([x[0] - 0.95, x[1]])
+    moved = expm(np.array([[0.0, c.line.a1], [-c.line.a3, 0.0]]) / SAMPLE_RATE) @ np.array([x[0] - 0.95, x[1]])
     friction = c.line.a4 * x[1] * abs(x[1]) / SAMPLE_RATE
     return np.array([moved[0] + 0.95, moved[1] - friction, 0.0])
 

@@ -76,8 +76,7 @@ def single(significance: float) -> tuple[Array, Array]:
     [(3.9, False, False), (4.1, False, True), (2.4, True, False), (2.6, True, True), (2.6, False, False)],
 )
 def test_four_sigma_to_enter_and_two_and_a_half_to_stay(significance: float, active: bool, chosen: bool) -> None:
-    before = frozenset({3}) if active else frozenset[int]()
-    theta, after = subset_of(*single(significance), before)
+    theta, after = subset_of(*single(significance), frozenset({3}) if active else frozenset[int]())
     assert (after == {3}) == chosen
     assert theta[3] == pytest.approx(significance if chosen else 0.0)
 

@@ -31,8 +31,7 @@ def rate_of(case: Case, window: Window, theta: Array) -> tuple[Array, Array]:
 
 def quiet_event(case: Case) -> Window:
     """An event before which x~ is at the truth whatever theta says: the needle opens with the second sample."""
-    inputs = event_inputs()[99:]
-    window = simulated_event(case, HEALTHY, inputs, seed=3)
+    window = simulated_event(case, HEALTHY, event_inputs()[99:], seed=3)
     assert window.opening == 2
     return window._replace(opening=1)
 
@@ -72,8 +71,7 @@ def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
     inputs = with_time(window.inputs, case.setting.interval)
     expected = [0.0]
     for k in range(1, window.output.size):
-        between = Interval(inputs[k - 1], inputs[k], 1e-5, case.setting.substeps)
-        advance_state(x, between, c, learned.network, None)
+        advance_state(x, Interval(inputs[k - 1], inputs[k], 1e-5, case.setting.substeps), c, learned.network, None)
         expected.append(phi_and_rate(x, inputs[k], c, learned.network)[1])
     assert max(expected) > 40e-6  # m3/s
     np.testing.assert_allclose(rate, expected, atol=1e-12 * max(expected))
@@ -155,8 +153,7 @@ def event(nominal: Case) -> Window:
 def test_variances_are_those_of_draws(nominal: Case, event: Window, noise: NoiseLevels, tolerance: float) -> None:
     random = np.random.default_rng(4)
     theta = worn_theta()
-    run = open_loop(event, nominal.setting, theta)
-    variance = input_variance(event, run, nominal.setting, noise)
+    variance = input_variance(event, open_loop(event, nominal.setting, theta), nominal.setting, noise)
     rates = np.array(
         [open_loop(noisy(nominal, event, noise, random), nominal.setting, theta).rate for _ in range(DRAWS)]
     )
@@ -183,7 +180,6 @@ def test_volume_is_counted_from_the_last_opening(nominal: Case) -> None:
     shot[:, 1] += np.roll(shot[:, 1], 600)
     window = simulated_event(nominal, np.zeros_like(worn_theta()), shot)
     run = open_loop(window, nominal.setting, np.zeros_like(worn_theta()))
-    lift = replace(SILENT, needle_lift=NOISE.needle_lift)
-    volume = input_variance(window, run, nominal.setting, lift).volume
+    volume = input_variance(window, run, nominal.setting, replace(SILENT, needle_lift=NOISE.needle_lift)).volume
     assert volume[600] > 0.0
     assert volume[-1] == pytest.approx(volume[600], rel=0.2)

@@ -68,8 +68,7 @@ def events(seed: int, colour: float) -> PhaseStatistics:
     total = no_statistics()
     for k in range(40):
         drive = white(1000 * seed + k, 1200) * np.sqrt(1.0 - colour**2)
-        noise = lfilter([1.0], [1.0, -colour], drive)
-        total = total.faded(1.0, phase_statistics(noise, SIGMA, phases, 50))
+        total = total.faded(1.0, phase_statistics(lfilter([1.0], [1.0, -colour], drive), SIGMA, phases, 50))
     return total
 
 
@@ -115,8 +114,7 @@ def test_excess_is_as_improbable_as_it_says(blocks: int, sigmas: float) -> None:
 
 def test_only_what_happened_is_counted() -> None:
     phases = np.repeat([Phase.STANDSTILL, Phase.OPEN, Phase.STANDSTILL], [100, 30, 19]).astype(np.int8)
-    e = np.ones(149)
-    statistics = phase_statistics(e, 2.0, phases, first=10)
+    statistics = phase_statistics(np.ones(149), 2.0, phases, first=10)
     assert statistics.samples.tolist() == [90 + 19, 0, 30, 0, 0]
     assert statistics.squares.tolist() == [109 / 4, 0.0, 30 / 4, 0.0, 0.0]
     # blocks do not reach over the end of a phase: 90 // 8 + 19 // 8, 90 // 20 + 19 // 20

@@ -33,8 +33,7 @@ def windows(draw: st.DrawFn) -> Window:
         for k in draw(st.sets(st.integers(SHUT, SAMPLES - SHUT - 2))):
             knots[k] = draw(st.floats(0.05, 0.95)), draw(shares)
     inputs = np.column_stack((np.full(SAMPLES, 0.9), areas))
-    resting = np.arange(SAMPLES) < SHUT
-    return Window(inputs, np.arange(SAMPLES, dtype=float), resting, np.zeros(4), SHUT, knots)
+    return Window(inputs, np.arange(SAMPLES, dtype=float), np.arange(SAMPLES) < SHUT, np.zeros(4), SHUT, knots)
 
 
 @given(windows(), st.integers(-8_000_000, 8_000_000).map(lambda millionths: millionths / 1e6))

@@ -25,8 +25,7 @@ def curves_after(laws: Laws, rails: tuple[float, ...] = RAIL_PRESSURES) -> Mappi
     plant = Bench(Injector(), Needle(), in_turn(15, lambda _: HEALTHY, rails), seed=37, laws=laws)
     bench = bench_at(plant.sample_rate)
     knowledge = evaluate(bench, [recording_of(record(plant))]).knowledge
-    c = effective_model(bench.injector.parameters).coefficients
-    curves = learned_laws(knowledge, c)
+    curves = learned_laws(knowledge, effective_model(bench.injector.parameters).coefficients)
     assert not any(curve.is_surface for curve in curves)
     return {(curve.flow, curve.variables[0]): curve for curve in curves}
 
@@ -63,8 +62,7 @@ def test_there_are_none_before_an_event() -> None:
 
 def test_a_law_of_two_inputs_at_once_is_learned_as_a_surface() -> None:
     laws, _ = TEN_PRODUCTS["nozzle by rail pressure and time"]
-    schedule = in_turn(24, lambda _: HEALTHY, RAIL_PRESSURES, DURATIONS)
-    plant = Bench(Injector(), Needle(), schedule, seed=37, laws=laws)
+    plant = Bench(Injector(), Needle(), in_turn(24, lambda _: HEALTHY, RAIL_PRESSURES, DURATIONS), seed=37, laws=laws)
     (evaluation,) = evaluate(bench_at(plant.sample_rate), [recording_of(record(plant))]).evaluations
     assert all(report.valid for report in evaluation.reports[12:])
     assert np.mean([abs(late.remainder) <= 2.0 * late.relative_sigma for late in evaluation.reports[12:]]) > 0.8

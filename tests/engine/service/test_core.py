@@ -39,8 +39,7 @@ def test_published_rate_is_that_of_the_observer(clean: Traffic) -> None:
 
 def test_evaluation_of_the_recording_gives_the_same_frames(clean: Traffic) -> None:
     """`evaluate` codes the recording by its own encoder: what comes out is the same, bit for bit."""
-    history = evaluate(load_bench(clean.bench), [simulated()])
-    own = [frame.payload for frame in history.frames]
+    own = [frame.payload for frame in evaluate(load_bench(clean.bench), [simulated()]).frames]
     assert own[: len(clean.result.frames) - 5] == [frame.payload for frame in clean.result.frames][:-5]
 
 
@@ -296,8 +295,7 @@ def test_needle_signal_that_chatters_is_survived(clean: Traffic) -> None:
     lift = good.needle_lift.copy()
     shut = np.random.default_rng(1).normal(size=7_000) * SimulatedNoise().needle_lift
     lift[1000:8_000] = shut + np.where(np.arange(7_000) % 8 < 2, 50e-6, 0.0)
-    mad = type(good)(good.time, good.rail_pressure, lift, good.line_pressure)
-    result = clean.run(Device(clean.bench).send(mad))
+    result = clean.run(Device(clean.bench).send(type(good)(good.time, good.rail_pressure, lift, good.line_pressure)))
     numbers = [report.number for report in result.reports]
     assert numbers == sorted(set(numbers))
     assert numbers[-1] > 800

@@ -26,8 +26,7 @@ BY_INDEX = "by the sample index"
 def traffic() -> list[TimedFrame]:
     """Three injections; the second command misfires, the third injection has none."""
     pulses, recording = injected(3)
-    shut = misfired(recording, (pulses[1][0], pulses[1][0] + 5e-3))
-    return merged(samples(shut), durations(pulses[:2]))
+    return merged(samples(misfired(recording, (pulses[1][0], pulses[1][0] + 5e-3))), durations(pulses[:2]))
 
 
 def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:

@@ -51,8 +51,7 @@ def test_any_bytes_are_counted_and_harm_nothing(bench: Path, frames: list[tuple[
 @given(st.binary(min_size=64, max_size=64))
 def test_content_of_unwritten_memory_changes_nothing(rubbish: bytes) -> None:
     """Fresh memory of a ring may hold any bytes."""
-    recording = simulated(1)
-    frames = frames_of(EXAMPLE_BENCH, recording)[:600]
+    frames = frames_of(EXAMPLE_BENCH, simulated(1))[:600]
     clean, dirty = core_of(EXAMPLE_BENCH), core_of(EXAMPLE_BENCH)
     observer = dirty.compiled.observer
     for ring in (observer.recorded, observer.ring, observer.x_tilde, observer.x_hat):

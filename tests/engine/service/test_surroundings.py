@@ -123,8 +123,7 @@ def test_a_block_may_carry_it_in_kelvins(tmp_path: Path) -> None:
 
 
 def test_nothing_is_valid_before_it_is_known(tmp_path: Path) -> None:
-    frames = frames_at(REFERENCE)
-    result = run(bench(tmp_path), frames)
+    result = run(bench(tmp_path), frames_at(REFERENCE))
     assert [report.reason for report in result.reports] == [Reason.INPUT_STALE] * INJECTIONS
     assert result.core.state == (State.DEGRADED, Reason.INPUT_STALE)
     assert result.core.knowledge.state.events == 0

@@ -84,8 +84,7 @@ def test_needle_open_from_the_start_is_no_zero() -> None:
 
 def test_low_lift_that_stays_from_the_start_is_of_a_shut_needle() -> None:
     """In a line as full as the rail: the openings are found, and an event must pass before they are valid."""
-    lift = lift_of(range(2000, 30_000, 5000), 30_000) + 30 * UM
-    stream = beside_rest(lift)
+    stream = beside_rest(lift_of(range(2000, 30_000, 5000), 30_000) + 30 * UM)
     assert [i["opening_index"] for i in stream.injections][-5:] == pytest.approx(range(7000, 30_000, 5000), abs=3)
     assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"]) - 30 * UM) < 0.5 * UM
     assert not stream.rows["valid"][:4000].any()

@@ -43,8 +43,7 @@ def bridged(rows: NDArray[np.void], channel: int) -> list[int]:
 
 def as_recorded(rows: NDArray[np.void], channel: int) -> NDArray[np.float64]:
     """Values of the rows [Pa or m] after what was done to them, less what the first one is."""
-    name = ("rail_pressure", "needle_lift", "line_pressure")[channel]
-    return np.asarray(rows[name], np.float64)
+    return np.asarray(rows[("rail_pressure", "needle_lift", "line_pressure")[channel]], np.float64)
 
 
 def spike_before(values: NDArray[np.float64], k: int, limit: float) -> int:

@@ -61,8 +61,7 @@ def overlay_figure(findings: Findings) -> str:
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
-    handles = axes.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper right", ncols=3, frameon=False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
 
 
 def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
@@ -148,8 +147,7 @@ def residual_figure(findings: Findings) -> str:
                 axes.axvspan(x[0] - 0.7, x[-1] + 0.7, color="#eef1f4", lw=0, zorder=0)
             middles[(x[0] + x[-1]) / 2.0] = findings.cell_of_point[number].point.replace(", ", "\n")
             start = x[-1] + 2.4
-        floor = findings.gaps.by_name[LINE_PRESSURE].noise_floor
-        axes.axhline(floor, color=MEASURED, lw=1.2, label="noise alone")
+        axes.axhline(findings.gaps.by_name[LINE_PRESSURE].noise_floor, color=MEASURED, lw=1.2, label="noise alone")
         axes.set_xticks(list(middles), list(middles.values()))
         axes.tick_params(axis="x", length=0, labelsize=8 if len(middles) > _CROWDED else None)
         axes.grid(axis="x", visible=False)

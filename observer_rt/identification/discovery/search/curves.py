@@ -263,8 +263,7 @@ def turned(sine: Effect, swings: Sequence[float]) -> Effect:
     law = sine.apply
     assert isinstance(law, TermLaw)
     frequency, phase = law.numbers
-    angle = math.atan2(swings[1], swings[0])
-    return term_effect(law.equation, law.form, (frequency, phase._replace(value=angle)))
+    return term_effect(law.equation, law.form, (frequency, phase._replace(value=math.atan2(swings[1], swings[0]))))
 
 
 def lines(left: Sequence[Floats], times: Sequence[Floats], interval: float) -> list[float]:

@@ -87,8 +87,7 @@ class Laws:
 
     def _shortlist(self, about: Candidate, first: Scores) -> tuple[Effect, ...]:
         again = scored(first.effects, first.numbers, first.slopes, self._fits.residuals(about))
-        promising = np.argsort(-again.validated)[: SHORTLIST_LENGTH + len(about.ids)]
-        return tuple(first.effects[row] for row in promising)
+        return tuple(first.effects[row] for row in np.argsort(-again.validated)[: SHORTLIST_LENGTH + len(about.ids)])
 
     def fits_with(self, about: Candidate) -> list[Candidate]:
         """Fits with a law more, or two of one equation, whose slopes explain most of the residuals."""

@@ -64,8 +64,7 @@ def proposals_of(
         parts = made[0].candidate.parts
         alone = [(Hypothesis((effect,)), sizes) for effect, sizes, _ in parts if is_term(effect)]
         made += [proposal(one) for one in sorted(fitter.laws(alone), key=attrgetter("price"))[:1]]
-    numbered = [replace(one, number=number) for number, one in enumerate(made, start=1)]
-    return with_parts(numbered, measured, nominal)
+    return with_parts([replace(one, number=number) for number, one in enumerate(made, start=1)], measured, nominal)
 
 
 def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> Refusal | None:

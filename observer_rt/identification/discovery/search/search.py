@@ -142,8 +142,7 @@ class Search:
         best = self._without_idle(self._simplest(fits)) if fits else about
         if best.statistic >= about.statistic - self._threshold(about):
             return []
-        alone = [one for one in self._tried if len(one.ids) == 1 and set(one.ids) < set(best.ids)]
-        return [best, *alone]
+        return [best, *(one for one in self._tried if len(one.ids) == 1 and set(one.ids) < set(best.ids))]
 
     def _rank(self, candidate: Candidate) -> tuple[bool, float]:
         return not self._is_adequate(candidate), candidate.price

@@ -63,8 +63,7 @@ def tables(free: Sequence[curves.FreeCurve], score: curves.Score) -> list[Effect
     usable = (one for one in free if one.curve.axis is not curves.SINCE)
     coarse = sorted(usable, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [one.curve._replace(axis=_with_midpoints(one.curve.axis)) for one in coarse]
-    made = map(_simplest, curves.free_curves(finer, score))
-    return [one for one in made if one is not None]
+    return [one for one in map(_simplest, curves.free_curves(finer, score)) if one is not None]
 
 
 def _with_midpoints(axis: curves.Axis) -> curves.Axis:
@@ -160,8 +159,7 @@ def _table(curve: curves.FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> 
         numbers.append(FormNumber(round(float(values[number] / values[largest]), 4), -LARGEST_RATIO, LARGEST_RATIO))
         pairs.append(f"{knot:g}, {next(letters)}")
     equation, axis, factor = curve.curve
-    law = symmetry.form.format(u=axis.over, pairs=", ".join(pairs))
-    return term_effect(equation, factor + law, tuple(numbers))
+    return term_effect(equation, factor + symmetry.form.format(u=axis.over, pairs=", ".join(pairs)), tuple(numbers))
 
 
 @dataclass(frozen=True)

@@ -65,8 +65,7 @@ def _csv(
     **how: Any,
 ) -> Layout:
     def make(folder: Path, recording: Recording) -> Path:
-        content = change(text(recording, **how)).encode(encoding)
-        (folder / file).write_bytes(content)
+        (folder / file).write_bytes(change(text(recording, **how)).encode(encoding))
         return folder / file
 
     return Layout(name, make)

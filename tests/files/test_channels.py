@@ -23,8 +23,7 @@ def log(folder: Path, suffix: str, *channels: str) -> Path:
     path = folder / f"bus{suffix}"
     with open_writer(path, 1_000_000_000) as writer:
         for n, channel in enumerate(channels):
-            frame = Frame(0x100 + n, b"\1", 1_000_000_000 + n * 1_000_000, False, False)
-            writer.write(LogFrame(frame, channel))
+            writer.write(LogFrame(Frame(0x100 + n, b"\1", 1_000_000_000 + n * 1_000_000, False, False), channel))
     return path
 
 

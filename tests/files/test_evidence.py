@@ -20,8 +20,7 @@ SAMPLES = 2000
 
 
 def event(kind: EvidenceKind, number: int, pressure: float = 100e6, model: str = "ab" * 32) -> EventEvidence:
-    random = np.random.default_rng(number)
-    signals = random.normal(size=(3, SAMPLES))
+    signals = np.random.default_rng(number).normal(size=(3, SAMPLES))
     belief = {"model_sha256": model, "injections": [{"number": number}]}
     return EventEvidence(kind, number, 1000 * number, 1e5, pressure, 1.2e-3, belief, signals)
 
@@ -40,8 +39,7 @@ def fill(folder: Path, events: list[EventEvidence], most_mib: float = 100.0, per
 
 @pytest.mark.parametrize("per_point", [3, 8])
 def test_refused_events_are_the_newest_of_each_operating_point(tmp_path: Path, per_point: int) -> None:
-    refused = [event(EvidenceKind.REFUSED, n, (60e6, 100e6)[n % 2]) for n in range(20)]
-    fill(tmp_path, refused, per_point=per_point)
+    fill(tmp_path, [event(EvidenceKind.REFUSED, n, (60e6, 100e6)[n % 2]) for n in range(20)], per_point=per_point)
     assert numbers(tmp_path) == [*range(20 - 2 * per_point, 20)]
 
 
@@ -77,8 +75,7 @@ def test_another_model_has_a_sample_of_its_own(tmp_path: Path) -> None:
 
 def test_the_folder_is_bounded_and_keeps_what_there_is_least_of(tmp_path: Path) -> None:
     many = [event(EvidenceKind.REFUSED, n, 60e6) for n in range(30)]
-    refused_event = event(EvidenceKind.REFUSED, 99, 140e6)
-    fill(tmp_path, [refused_event, *many], most_mib=1.0, per_point=1000)
+    fill(tmp_path, [event(EvidenceKind.REFUSED, 99, 140e6), *many], most_mib=1.0, per_point=1000)
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert 0.8 * 2**20 < size <= 2**20
     assert {29, 99} <= set(numbers(tmp_path))

@@ -17,8 +17,7 @@ from tests.pages import ROOT, Page
 
 def test_the_programs_of_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """In a folder with our databases, and four injections of a worn injector in two formats: both say the same."""
-    bench = load_bench(bench_file(tmp_path, "can0", "socketcan"))
-    sent = evaluate(bench, [worn_recording(4)]).frames
+    sent = evaluate(load_bench(bench_file(tmp_path, "can0", "socketcan")), [worn_recording(4)]).frames
     log = sent_log(TimedFrame(n * 1e-5, f.frame_id, f.is_extended, f.is_fd, f.payload) for n, f in enumerate(sent))
     for suffix in (".mf4", ".blf"):
         write_log(tmp_path / f"bus{suffix}", log)

@@ -145,8 +145,7 @@ def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) ->
     with MDF(path) as file:
         file.save(tmp_path / "saved.mf4")
     data = (tmp_path / "saved.mf4").read_bytes()
-    before_last = sum(4 + len(each.frame.payload) for each in mixture(".mf4", 200)[:-1])
-    offset = struct.pack("<Q", before_last)
+    offset = struct.pack("<Q", sum(4 + len(each.frame.payload) for each in mixture(".mf4", 200)[:-1]))
     assert data.count(offset) >= 1
     (tmp_path / "saved.mf4").write_bytes(data.replace(offset, struct.pack("<Q", 1 << 40)))
     with pytest.raises(UserError, match="a damaged MDF file"):

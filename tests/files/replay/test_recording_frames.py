@@ -103,8 +103,7 @@ def test_a_device_stamps_frames_later_than_their_last_sample_by_the_delay(tmp_pa
 
 @given(gap=st.integers(590, 640))
 def test_windows_that_nearly_touch_send_no_index_twice(bus: BusMap, gap: int) -> None:
-    recording = recording_of(3000, open_at=(500, 600 + gap))
-    values = rail_by_index(sent(recording, bus, windowed=True))
+    values = rail_by_index(sent(recording_of(3000, open_at=(500, 600 + gap)), bus, windowed=True))
     assert set(values) >= {*range(300, 999), *range(400 + gap, 1099 + gap)}
 
 

@@ -91,8 +91,7 @@ def test_every_dialect_gives_the_same_signals(
     for k in range(30):
         rows.append([f"{quote}{cell}{quote}" for cell in (*cells(k, order, decimal, form), *further)])
     path = write(tmp_path, ending.join([*preamble, *map(separator.join, rows), ""]), encoding)
-    time = 'unit = "ms"' if form is None else form
-    recording = read(path, bench(tmp_path, time=time))
+    recording = read(path, bench(tmp_path, time='unit = "ms"' if form is None else form))
     result = signals(30)
     assert (recording.samples, recording.sample_rate) == (30, RATE)
     np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5, rtol=1e-12)
@@ -206,8 +205,7 @@ def column_of(cells: Sequence[str]) -> list[str]:
 def test_whole_numbers_with_separators_of_thousands_are_no_decimals(tmp_path: Path, sign: str) -> None:
     cells = [f"{990 + k % 30:,}".replace(",", sign) for k in range(120)]
     rows = [row.replace(".", sign) for row in column_of(cells)]
-    path = write(tmp_path, named(*rows))
-    require_refusal(path, tmp_path, "is a whole number with a separator of thousands")
+    require_refusal(write(tmp_path, named(*rows)), tmp_path, "is a whole number with a separator of thousands")
 
 
 @pytest.mark.parametrize("form", ["{:.3f}", "{:g}"])
@@ -243,8 +241,7 @@ def test_the_calendar_is_told_and_loses_no_digit(tmp_path: Path, form: str, said
 
 def test_a_gap_in_the_calendar_splits(tmp_path: Path) -> None:
     body = stamped(100)
-    path = write(tmp_path, named(*body[:40], *body[70:]))
-    stream = open_recording(path, bench(tmp_path, time="").injector)
+    stream = open_recording(write(tmp_path, named(*body[:40], *body[70:])), bench(tmp_path, time="").injector)
     assert [stretch.samples for stretch in stream.stretches] == [40, 30]
 
 

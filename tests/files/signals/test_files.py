@@ -17,10 +17,8 @@ CODES = st.integers(0, 0xFFFD)
 
 
 def _signal(draw: st.DrawFn, samples: int, lowest: int, multiple: float, divisor: float) -> NDArray[np.float64]:
-    codes = draw(hnp.arrays(np.int64, samples, elements=CODES))
-    values = (codes + lowest) * multiple / divisor
-    missing = draw(hnp.arrays(np.bool_, samples, elements=st.booleans()))
-    return np.where(missing, np.nan, values)
+    values = (draw(hnp.arrays(np.int64, samples, elements=CODES)) + lowest) * multiple / divisor
+    return np.where(draw(hnp.arrays(np.bool_, samples, elements=st.booleans())), np.nan, values)
 
 
 @st.composite

@@ -29,8 +29,7 @@ def test_jittered_stamps_are_taken_for_the_grid(tmp_path: Path) -> None:
 
 def test_a_short_gap_is_bridged_and_told(tmp_path: Path) -> None:
     kept = np.delete(np.arange(500), [200, 201, 202])
-    ramp = kept.astype(np.float64)
-    stream = opened(write_rows(tmp_path, kept / RATE, lift=ramp), tmp_path)
+    stream = opened(write_rows(tmp_path, kept / RATE, lift=kept.astype(np.float64)), tmp_path)
     assert any("1 gaps are bridged" in note for note in stream.notes)
     np.testing.assert_allclose(stream.collected().needle_lift, np.arange(500) * 1e-6, rtol=1e-9)
 
@@ -49,8 +48,7 @@ def test_a_long_gap_splits(tmp_path: Path) -> None:
 
 
 def test_a_restart_splits(tmp_path: Path) -> None:
-    time = np.concatenate((np.arange(300) / RATE, np.arange(200) / RATE))
-    stream = opened(write_rows(tmp_path, time), tmp_path)
+    stream = opened(write_rows(tmp_path, np.concatenate((np.arange(300) / RATE, np.arange(200) / RATE))), tmp_path)
     assert [part.samples for part in stream.stretches] == [300, 200]
     assert any("the time begins anew" in note for note in stream.notes)
     lifts = [chunk.needle_lift for chunk in stream.chunks()]
@@ -157,8 +155,7 @@ def test_an_mdf4_channel_in_several_groups_must_be_chosen(tmp_path: Path) -> Non
     names = ("RailPressure", "Lift Sensor A", "p/line")
     group = [Signal(np.full(100, 90.0), fast, name=name, unit="MPa") for name in names]
     group[1] = Signal(np.zeros(100), fast, name=names[1], unit="mm")
-    other = [Signal(np.full(100, 70.0), fast, name="RailPressure", unit="MPa")]
-    path = mdf4(tmp_path / "x.mf4", group, other)
+    path = mdf4(tmp_path / "x.mf4", group, [Signal(np.full(100, 70.0), fast, name="RailPressure", unit="MPa")])
     with pytest.raises(UserError, match=r"(?s)is in the groups 0, 1.*remedy: .*group = 0"):
         read(path, bench(tmp_path, text=RASTERS))
     chosen = RASTERS.replace('column = "RailPressure"', 'column = "RailPressure"\ngroup = 1')

@@ -105,8 +105,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, groups: list[list[Signal]], said
 def test_a_channel_named_with_its_device_is_one(tmp_path: Path) -> None:
     """INCA and CANape name it so; asammdf finds it by both names, and either will do in a bench file."""
     names = dict(zip((r"p_Rail\ETKC:1", r"NeedleLift\AD:1", r"p_Line\AD:1"), UNITS.values(), strict=True))
-    path = write(tmp_path / "x.mf4", channels(names))
-    stream = open_recording(path)
+    stream = open_recording(write(tmp_path / "x.mf4", channels(names)))
     assert stream.names == {"rail_pressure": "p_Rail", "needle_lift": "NeedleLift", "line_pressure": "p_Line"}
     again = write(tmp_path / "y.mf4", channels(names), channels({r"p_Rail\XCP:1": "MPa"}))
     assert r"could be 'p_Rail\ETKC:1' or 'p_Rail\XCP:1'" in message(again)

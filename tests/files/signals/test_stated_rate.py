@@ -28,8 +28,7 @@ def test_good_stamps_are_kept_whatever_is_stated(tmp_path: Path) -> None:
 @pytest.mark.parametrize("rate", [50e3, 100e3])
 def test_without_a_time_rows_follow_at_the_rate(tmp_path: Path, rate: float) -> None:
     """The stated rate is also that of the grid."""
-    path = write_rows(tmp_path, np.arange(SAMPLES) / RATE, 2)
-    stream = opened(path, tmp_path, f"rate_hz = {rate}", WITHOUT_TIME)
+    stream = opened(write_rows(tmp_path, np.arange(SAMPLES) / RATE, 2), tmp_path, f"rate_hz = {rate}", WITHOUT_TIME)
     assert stream.sample_rate == rate
     recording = stream.collected()
     assert recording.samples == SAMPLES

@@ -71,8 +71,7 @@ def test_a_gap_or_a_step_back_is_found_where_it_is(row: int, jump: float, at_onc
 
 @IN_PARTS
 def test_a_clock_that_changes_its_pace_slowly_is_found(at_once: int) -> None:
-    time = np.cumsum(np.where(np.arange(10_000) < 5_000, 1.0e-5, 1.001e-5))
-    result = uneven(time, at_once)
+    result = uneven(np.cumsum(np.where(np.arange(10_000) < 5_000, 1.0e-5, 1.001e-5)), at_once)
     assert "samples off an even grid" in result.problem
     assert result.row == pytest.approx(5_000, abs=1024)
 

@@ -79,8 +79,7 @@ def test_any_text_and_number_comes_back(origin: str, evidence: str, value: float
         origin=origin.encode(errors="ignore").decode(),
         evidence=evidence.encode(errors="ignore").decode(),
     )
-    text = tomlkit.dumps({"effects": tables_in_force([effect])})
-    (read,) = tomllib.loads(text)["effects"]
+    (read,) = tomllib.loads(tomlkit.dumps({"effects": tables_in_force([effect])}))["effects"]
     assert EffectInForce.model_validate(read) == effect
 
 

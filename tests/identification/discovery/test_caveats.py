@@ -35,8 +35,7 @@ def _without_rate(findings: Findings) -> Findings:
 
 def _slow_lift_sensor(findings: Findings) -> Findings:
     lag = {"tau": Size(value=16.0, ci95=(15.0, 17.0), unit="us")}
-    effect = replace(findings.effects[0], id="needle_lift_sensor_lag", parameters=lag)
-    return replace(findings, effects=(effect,))
+    return replace(findings, effects=(replace(findings.effects[0], id="needle_lift_sensor_lag", parameters=lag),))
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,7 @@ OWN = sized("orifice_area", v_H=0.02)
 
 
 def _discover(*effects: SizedEffect, healthy: Healthy = NOT_FITTED) -> Discovery:
-    measured_recordings = measurements(recordings(effects, points=POINTS, seed=2))
-    return name_effects(MODEL, measured_recordings, workers=2, baseline=healthy)
+    return name_effects(MODEL, measurements(recordings(effects, points=POINTS, seed=2)), workers=2, baseline=healthy)
 
 
 @pytest.fixture(scope="module")

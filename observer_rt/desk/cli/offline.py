@@ -102,8 +102,7 @@ def evaluate(options: EvaluateOptions) -> None:
     """Run recordings through the observer, as the daemon would and as fast as the machine allows."""
     from observer_rt.desk.evaluation.histories import evaluate_files
 
-    stated = load_bench(options.bench, options.model, off_bus=True).of(options.injector)
-    evaluate_files(stated, options, messages)
+    evaluate_files(load_bench(options.bench, options.model, off_bus=True).of(options.injector), options, messages)
 
 
 def reproduce(out: Annotated[Path, Option("Folder for figures and table.", "DIR")], force: Force = False) -> None:
@@ -174,7 +173,7 @@ def trend(
     results_of: Annotated[Path, Argument("Folder that `batch` filled.", "DIR")],
     limit: Annotated[
         tuple[str, ...],
-        Option("Change of flow whose date is asked, such as nozzle=30% or seat=-20%; repeatable.", "QUANTITY=SIZE"),
+        Option("Change whose date is asked: nozzle=30%, seat=-20%, closes_later=100us; repeatable.", "QUANTITY=SIZE"),
     ] = (),
     time_from: Annotated[
         str | None,
@@ -184,10 +183,10 @@ def trend(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Show the wear of every injector over dates, the most worn first, and when it reaches limits."""
+    """Show wear and needle of every injector over dates, the most worn first, and when they reach limits."""
     from observer_rt.desk.fleet.batch import read_injections
     from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
-    from observer_rt.desk.fleet.trend import NEEDED, Limit, as_json, table_of, trends
+    from observer_rt.desk.fleet.trend import NEEDED, Limit, as_json, needle_table_of, table_of, trends
 
     if plot is not None:
         check_output("--plot", plot, force, suffixes=FIGURE_SUFFIXES)
@@ -198,6 +197,8 @@ def trend(
         print(dumps(as_json(made, limits), indent=2))
     else:
         results().print(table_of(made, limits))
+        if (needle := needle_table_of(made)) is not None:
+            results().print(needle)
     if plot is not None:
         from observer_rt.desk.fleet.trend_figure import draw
 

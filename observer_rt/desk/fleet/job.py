@@ -57,8 +57,7 @@ class FailedFile(NamedTuple):
 def evaluate_file(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
     """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
     try:
-        rows = (row for alone in task.bench.per_injector for row in _rows(task, path, sha256, alone))
-        return _table(rows)
+        return _table(row for alone in task.bench.per_injector for row in _rows(task, path, sha256, alone))
     except ObserverError as error:
         return FailedFile(path, str(error))
     except MemoryError:

@@ -1,4 +1,4 @@
-"""The wear of injectors over dates: a weighted line through last valid estimates, and when it reaches a limit."""
+"""Wear and needle of injectors over dates: lines through last valid estimates, and when they reach limits."""
 
 import math
 import re
@@ -16,45 +16,73 @@ from scipy.optimize import brentq
 from scipy.stats import t as student
 
 from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
-from observer_rt.engine.reports.injection_report import WEAR
+from observer_rt.engine.reports.injection_report import INDICATORS, WEAR, IndicatorFields
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import Floats
+from observer_rt.foundation.units import MICROSECOND, Floats
 
 FEWEST = 4  # recordings that a line is made of
-QUANTITIES = tuple(indicator.name.partition("_")[0] for indicator in WEAR)
 _SIGMAS, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 % interval; of its value
 _STEPS = 1001  # days at which a limit is looked for; odd: the last recording's is one
-_LIMIT = re.compile(r"(?P<name>\w+)=(?P<size>[+-]?\d*\.?\d+)(?P<percent>\s*%)?")
-_COLUMNS = {name: indicator.columns for name, indicator in zip(QUANTITIES, WEAR, strict=True)}  # value, interval
-NEEDED = ("injector", "file", "sha256", "time", "time_from", "number", "valid", *chain(*_COLUMNS.values()))
-"""Columns of a batch's rows that a trend is made of."""
+_LIMIT = re.compile(r"(?P<name>\w+)=(?P<size>[+-]?\d*\.?\d+)\s*(?P<unit>%|us)?")
 _DAY, _MONTH = 86400.0, 30.4375  # s; days
+_LIMIT_REMEDY = "write it like nozzle=30%, seat=-20% or closes_later=100us"
 _TIME_REMEDY = f"say where their paths have the time: {TIME_FROM} PATTERN, such as '_(\\d{{8}}_\\d{{6}})'"
 
 
+class Quantity(NamedTuple):
+    """An indicator that has a trend."""
+
+    panel: str  # of a figure
+    columns: tuple[str, ...]  # value, and the ends of its interval
+    unit: str = "%"  # on the screen
+
+    @property
+    def factor(self) -> float:
+        """Numbers on the screen over those in the columns."""
+        return 100.0 if self.unit == "%" else 1.0 / MICROSECOND
+
+
+def _needle(indicator: IndicatorFields) -> Quantity:
+    is_delay = indicator.unit == "s"
+    unit = "us" if is_delay else "%"
+    return Quantity(f"needle {'later' if is_delay else 'faster'}, {unit}", indicator.columns, unit)
+
+
+_FLOWS = {each.name.partition("_")[0]: Quantity("change of flow, %", each.columns) for each in WEAR}
+_MOVES = ("needle_opens_", "needle_closes_")
+_NEEDLE = {i.name.removeprefix("needle_"): _needle(i) for i in INDICATORS if i.name.startswith(_MOVES)}
+QUANTITIES = _FLOWS | _NEEDLE
+"""By name; those of the needle where no lift is recorded."""
+NEEDED = (
+    *("injector", "file", "sha256", "time", "time_from", "number", "valid"),
+    *chain.from_iterable(each.columns for each in QUANTITIES.values()),
+)
+"""Columns of a batch's rows that a trend is made of."""
+
+
 class Limit(NamedTuple):
-    """Relative change of a flow that must not be reached: a positive one from below, a negative one from above."""
+    """Change that must not be reached: a positive one from below, a negative one from above."""
 
     name: str
-    size: float
+    size: float  # as a share, or in s
 
     @classmethod
     def read(cls, text: str) -> Self:
         """A limit of the command line, such as `nozzle=30%`. Raises `UserError` for another text."""
         match = _LIMIT.fullmatch(text.strip())
-        size = float(match["size"]) / (100.0 if match["percent"] else 1.0) if match else 0.0
-        if not match or match["name"] not in QUANTITIES or size == 0.0:
-            problem = f"is no limit of {' or '.join(QUANTITIES)}"
-            raise UserError(f"--limit {text}", problem, "write it like nozzle=30% or seat=-20%")
-        return cls(match["name"], size)
+        quantity, size = match and QUANTITIES.get(match["name"]), float(match["size"]) if match else 0.0
+        if not match or not quantity or (match["unit"] or "%") != quantity.unit or size == 0.0:
+            raise UserError(f"--limit {text}", f"is no limit of {' or '.join(QUANTITIES)}", _LIMIT_REMEDY)
+        return cls(match["name"], size / quantity.factor if match["unit"] else size)
 
     def __str__(self) -> str:
-        return f"{self.name} {100.0 * self.size:+g} %"
+        quantity = QUANTITIES[self.name]
+        return f"{self.name} {quantity.factor * self.size:+g} {quantity.unit}"
 
 
 class WearLine(NamedTuple):
-    """Change of flow by days since the first recording."""
+    """A change by days since the first recording."""
 
     days: Floats  # (n,)
     coefficients: Floats  # (2,) change a day, and on day 0
@@ -99,8 +127,9 @@ class WearLine(NamedTuple):
 
 
 class Course(NamedTuple):
-    """A change of flow at recordings, and halves of its 95 % intervals, (n,); line: None of fewer than `FEWEST`."""
+    """A change at recordings, and halves of its 95 % intervals, (n,); line: None of fewer than `FEWEST`."""
 
+    days: Floats  # (n,) since the first recording with a valid estimate
     value: Floats
     half: Floats
     line: WearLine | None
@@ -123,7 +152,12 @@ class InjectorTrend(NamedTuple):
     recordings: int  # all of them
     injections: int
     times: tuple[datetime, ...]  # of the recordings with a valid estimate
-    courses: dict[str, Course]  # by indicator; empty without a valid estimate
+    courses: dict[str, Course]  # by quantity; empty without a valid estimate
+
+    @property
+    def wear(self) -> float:
+        """The largest change of a flow now."""
+        return max((abs(course.now[0]) for name, course in self.courses.items() if name in _FLOWS), default=0.0)
 
 
 def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTrend]:
@@ -134,8 +168,7 @@ def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTre
     table = rows.to_pandas()
     if dates is not None:
         begin = table["file"].map({file: dates.date_in(Path(file)) for file in table["file"].unique()})
-        since = table["time"] - table.groupby("sha256")["time"].transform("min")
-        table = table.assign(time=begin + since)
+        table = table.assign(time=begin + (table["time"] - table.groupby("sha256")["time"].transform("min")))
     elif len(doubtful := table[table["time_from"] == TimeFrom.WRITTEN]["file"].drop_duplicates()):
         raise UserError(
             "trend",
@@ -144,8 +177,7 @@ def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTre
             _TIME_REMEDY,
         )
     table = table.sort_values(["time", "number"])
-    made = [_trend(str(name), its) for name, its in table.groupby("injector")]
-    return sorted(made, key=lambda trend: min((-abs(wear.now[0]) for wear in trend.courses.values()), default=0.0))
+    return sorted([_trend(str(name), its) for name, its in table.groupby("injector")], key=lambda trend: -trend.wear)
 
 
 def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
@@ -153,21 +185,23 @@ def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
     if (spans["min"].to_numpy()[1:] <= spans["max"].to_numpy()[:-1]).any():
         remedy = f"{_TIME_REMEDY}; or give each recording once, into a new folder"
         raise UserError(f"trend of {injector}", "has recordings at the same time", remedy)
-    valid = table[table["valid"]].dropna(subset=list(chain.from_iterable(_COLUMNS.values())))
+    valid = table[table["valid"]].dropna(subset=list(chain.from_iterable(each.columns for each in _FLOWS.values())))
     last = valid.groupby("sha256", sort=False).tail(1)
     days = (last["time"] - last["time"].min()).dt.total_seconds().to_numpy(float) / _DAY
     courses: dict[str, Course] = {}
-    for name in _COLUMNS if len(last) else ():
-        value, low, high = (last[column].to_numpy(float) for column in _COLUMNS[name])
-        half = 0.5 * (high - low)
-        line = WearLine.of(days, value, half) if len(last) >= FEWEST else None
-        courses[name] = Course(value, half, line)
+    for name, quantity in QUANTITIES.items():
+        numbers = last[list(quantity.columns)].to_numpy(float)
+        is_known = ~np.isnan(numbers).any(axis=1)
+        if is_known.any():
+            value, low, high = numbers[is_known].T
+            at, half = days[is_known], 0.5 * (high - low)
+            courses[name] = Course(at, value, half, WearLine.of(at, value, half) if at.size >= FEWEST else None)
     times = tuple(time.to_pydatetime().astimezone(UTC) for time in last["time"])
     return InjectorTrend(injector, len(spans), len(table), times, courses)
 
 
 def as_json(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> list[dict[str, Any]]:
-    """Relative changes of flow at the last recordings, their rates, dates of limits (null: unknown)."""
+    """Changes at the last recordings, as shares or in s, their rates, dates of limits (null: unknown)."""
     return [
         {
             "injector": trend.injector,
@@ -198,23 +232,39 @@ def _date_json(trend: InjectorTrend, limit: Limit) -> dict[str, Any]:
 
 
 def table_of(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> Table:
-    changes = [text for name in QUANTITIES for text in (f"{name}, %", "a month, %")]
+    """A row of each injector: its flows, and limits."""
+    changes = [text for name in _FLOWS for text in (f"{name}, %", "a month, %")]
     headings = ["injector", "recordings", *changes, "last valid", *map(str, limits)]
-    rows = [list(_cells(said)) for said in as_json(trends, limits)]
-    return plain_table(headings, rows, right=range(1, 2 + len(changes)))
+    return plain_table(headings, [list(_cells(trend, limits)) for trend in trends], right=range(1, 2 + len(changes)))
 
 
-def _cells(said: dict[str, Any]) -> Iterator[str]:
-    yield from (said["injector"], str(said["recordings"]))
-    for now in map(said.get, QUANTITIES):
-        for size in (now, now and now["rate_per_month"]):
-            half = 100.0 * (size["ci95"][1] - size["value"]) if size else 0.0
-            yield f"{100.0 * size['value']:+.2f} ± {half:.2f}" if size else "-"
-    yield (said["last_valid"] or "never")[:10]
-    for limit in said["limits"]:
-        if "date" not in limit:
+def needle_table_of(trends: Sequence[InjectorTrend]) -> Table | None:
+    """A row of each number of a needle; None where every lift was recorded."""
+    rows = [
+        [trend.injector, f"{name}, {quantity.unit}", *_changes(quantity, trend.courses.get(name))]
+        for trend in trends
+        for name, quantity in _NEEDLE.items()
+        if name in trend.courses
+    ]
+    return plain_table(["injector", "needle", "now", "a month"], rows, right=(2, 3)) if rows else None
+
+
+def _changes(quantity: Quantity, course: Course | None) -> Iterator[str]:
+    """Now, and a month."""
+    for size in (course and course.now, course and course.rate):
+        yield f"{quantity.factor * size[0]:+.2f} ± {quantity.factor * size[1]:.2f}" if size else "-"
+
+
+def _cells(trend: InjectorTrend, limits: Sequence[Limit]) -> Iterator[str]:
+    yield from (trend.injector, str(trend.recordings))
+    for name, quantity in _FLOWS.items():
+        yield from _changes(quantity, trend.courses.get(name))
+    yield f"{trend.times[-1]:%Y-%m-%d}" if trend.times else "never"
+    for limit in limits:
+        said = _date_json(trend, limit)
+        if not said:
             yield f"needs {FEWEST} recordings"
             continue
-        low, date, high = (moment and moment[:10] for moment in (limit["ci95"][0], limit["date"], limit["ci95"][1]))
-        about = f"{'reached ' * limit['reached']}{date} ({low} to {high or 'later'})"
+        low, date, high = (moment and moment[:10] for moment in (said["ci95"][0], said["date"], said["ci95"][1]))
+        about = f"{'reached ' * said['reached']}{date} ({low} to {high or 'later'})"
         yield about if date else f"not before {low}"

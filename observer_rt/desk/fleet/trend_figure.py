@@ -1,16 +1,19 @@
 """A figure of the courses of the most worn injectors."""
 
 from collections.abc import Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.dates import date2num
 from matplotlib.figure import Figure
 
-from observer_rt.desk.fleet.trend import QUANTITIES, InjectorTrend, Limit
+from observer_rt.desk.fleet.trend import QUANTITIES, Course, InjectorTrend, Limit
 from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, save_figure
 
-_COLOURS = dict(zip(QUANTITIES, (FOUND, GIVEN), strict=True))
+_PANELS = {each.panel: [n for n, q in QUANTITIES.items() if q.panel == each.panel] for each in QUANTITIES.values()}
+_COLOURS = {name: colour for names in _PANELS.values() for name, colour in zip(names, (FOUND, GIVEN), strict=True)}
 _MOST_DRAWN = 12
 _DPI = 110
 
@@ -18,21 +21,29 @@ _DPI = 110
 def draw(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> None:
     """A figure of the courses of the most worn injectors: each recording, the line through them, the limits."""
     drawn = [trend for trend in trends if trend.times][:_MOST_DRAWN]
+    shown = {name for trend in drawn for name in trend.courses}
+    panels = [panel for panel, names in _PANELS.items() if shown.intersection(names)] or [*_PANELS][:1]
+    rows = max(1, len(drawn))
     with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(8.0, 2.4 * max(1, len(drawn))), layout="constrained")
-        every = figure.subplots(max(1, len(drawn)), sharey=True, squeeze=False)[:, 0]
-        for axes, trend in zip(every, drawn, strict=False):
-            times = date2num(trend.times)
-            for name, course in trend.courses.items():
-                colour, value, error = _COLOURS[name], 100.0 * course.value, 100.0 * course.half
-                axes.errorbar(times, value, error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55, label=name)
-                if course.line:
-                    level, half = (100.0 * share for share in course.line.at(course.line.days))
-                    axes.fill_between(times, level - half, level + half, color=colour, alpha=0.2, lw=0)
-                    axes.plot(times, level, color=colour, lw=2)
-            axes.xaxis_date()
-            axes.set(title=trend.injector, ylabel="change of flow, %")
-            axes.legend(loc="upper left", frameon=False)
-            for limit in limits:
-                axes.axhline(100.0 * limit.size, color=_COLOURS[limit.name], lw=1, ls="--")
+        figure = Figure(figsize=(4.0 + 4.0 * len(panels), 2.4 * rows), layout="constrained")
+        grid = figure.subplots(rows, len(panels), sharey="col", squeeze=False)
+        for trend, row in zip(drawn, grid, strict=False):
+            for axes, panel in zip(row, panels, strict=True):
+                for name in filter(trend.courses.__contains__, _PANELS[panel]):
+                    _draw_course(axes, name, trend.courses[name], trend.times[0])
+                for name, size in (limit for limit in limits if limit.name in _PANELS[panel]):
+                    axes.axhline(QUANTITIES[name].factor * size, color=_COLOURS[name], lw=1, ls="--")
+                axes.set(title=trend.injector, ylabel=panel)
+                axes.legend(loc="upper left", frameon=False)
+                axes.xaxis_date()
     save_figure(figure, path, _DPI)
+
+
+def _draw_course(axes: Axes, name: str, course: Course, first: datetime) -> None:
+    colour, factor = _COLOURS[name], QUANTITIES[name].factor
+    times, value, error = [date2num(first + timedelta(days=d)) for d in course.days], course.value, course.half
+    axes.errorbar(times, factor * value, factor * error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55, label=name)
+    if course.line:
+        level, half = (factor * share for share in course.line.at(course.line.days))
+        axes.fill_between(times, level - half, level + half, color=colour, alpha=0.2, lw=0)
+        axes.plot(times, level, color=colour, lw=2)

@@ -11,7 +11,16 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom
-from observer_rt.desk.fleet.trend import FEWEST, InjectorTrend, Limit, WearLine, as_json, table_of, trends
+from observer_rt.desk.fleet.trend import (
+    FEWEST,
+    InjectorTrend,
+    Limit,
+    WearLine,
+    as_json,
+    needle_table_of,
+    table_of,
+    trends,
+)
 from observer_rt.desk.fleet.trend_figure import draw
 from observer_rt.foundation.console import results
 from observer_rt.foundation.errors import UserError
@@ -112,13 +121,20 @@ def test_recordings_without_noise_do_no_harm(value: list[float]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "limit"), [("nozzle=30%", Limit("nozzle", 0.3)), (" seat=-.2 ", Limit("seat", -0.2))]
+    ("text", "limit"),
+    [
+        ("nozzle=30%", Limit("nozzle", 0.3)),
+        (" seat=-.2 ", Limit("seat", -0.2)),
+        ("closes_later=100us", Limit("closes_later", 1e-4)),
+    ],
 )
 def test_a_limit_is_read(text: str, limit: Limit) -> None:
     assert Limit.read(text) == limit
 
 
-@pytest.mark.parametrize("text", ["nozzle", "nozzle=0", "lift=30%", "nozzle=much", "nozzle=30%%"])
+@pytest.mark.parametrize(
+    "text", ["nozzle", "nozzle=0", "lift=3%", "nozzle=much", "nozzle=3%%", "nozzle=3us", "seat=us"]
+)
 def test_another_text_than_a_limit_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(UserError, match="nozzle=30%"):
         Limit.read(text)
@@ -165,6 +181,33 @@ def test_the_terminal_has_a_row_of_each_injector_with_the_dates_of_limits(capsys
     assert "not before 2026-08-" in said["stays"]
     assert said["few"].endswith("needs 4 recordings")
     assert "never" in said["doubtful"]
+
+
+def by_commands(k: int, later: float, faster: float = -0.1) -> pa.Table:
+    """A recording without the lift, of a needle that closes this late."""
+    sizes = {"needle_closes_later{}_s": later, "needle_opens_later{}_s": 1e-5, "needle_opens_faster{}": faster}
+    ends = {"": 0.0, "_ci95_low": -2e-6, "_ci95_high": 2e-6}
+    needle = {name.format(end): size + off for name, size in sizes.items() for end, off in ends.items()}
+    return rows(f"{k}", "sticks", [0.02], day=10 * k, **needle)
+
+
+def test_a_needle_has_a_trend_where_no_lift_was_recorded(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    bare = [by_commands(k, 1e-5 * k) for k in range(8)]
+    made, limit = (
+        trends(pa.concat_tables([*bare, rows("9", "sticks", [0.03], day=90)])),
+        Limit.read("closes_later=90us"),
+    )
+    (said,) = document(made, limit)
+    assert said["closes_later"]["rate_per_month"]["value"] == pytest.approx(3.04e-5, rel=0.01)
+    assert said["closes_later"]["value"] == pytest.approx(7e-5)
+    assert said["limits"][0]["date"][:10] == "2026-04-01"
+    results().print(needle_table_of(made))
+    assert [line.split()[1:4] for line in capsys.readouterr().out.splitlines()[1:]] == [
+        *(["opens_later,", "us", "+10.00"], ["opens_faster,", "%", "-10.00"], ["closes_later,", "us", "+70.00"])
+    ]
+    draw(tmp_path / "trend.svg", made, [limit])
+    drawn = (tmp_path / "trend.svg").read_text()
+    assert [text in drawn for text in ("needle later, us", "needle faster, %", "change of flow, %")] == [True] * 3
 
 
 def test_the_figure_shows_the_most_worn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

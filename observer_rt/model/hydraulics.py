@@ -12,7 +12,7 @@ import math
 from observer_rt.core.model import model
 from observer_rt.core.model.laws import seat_area
 from observer_rt.core.model.needle import NeedleLaw
-from observer_rt.model.fuel import parabola
+from observer_rt.model.fuel import USUAL_PRESSURE, parabola
 from observer_rt.model.parameters import Departures, InjectorParameters
 
 CONTROL_START, CONTROL_END, CONTROL_EDGE = 0.25e-3, 0.20e-3, 20e-6  # s, of an injector whose file does not state them
@@ -76,10 +76,15 @@ def nozzle_of(parameters: InjectorParameters, departures: Departures) -> model.N
     """The nozzle of an injector."""
     p_0, p_c, area = parameters.scaling.pressure, parameters.chamber.pressure, parameters.scaling.area
     nozzle = parameters.nozzle
-    _, *jet = parabola(lambda pressure: parameters.fluid.in_sac.jet(p_c, pressure), p_c, p_0)
+
+    def jet_before(pressure: float) -> float:
+        coefficient = 1.0 + nozzle.coefficient_by_pressure * ((pressure - p_c) / USUAL_PRESSURE - 1.0)
+        return coefficient * parameters.fluid.in_sac.jet(p_c, pressure)
+
+    value, *jet = parabola(jet_before, p_c, p_0)
     return model.Nozzle(
         transition=TRANSITION_PRESSURE / p_0,
-        flow=nozzle.flow_coefficient * nozzle.area * jet_velocity(parameters),
+        flow=nozzle.flow_coefficient * nozzle.area * jet_velocity(parameters) * value,
         critical_excess=departures.critical_excess,
         vapour_margin=(p_c - parameters.fluid.vapour_pressure) / p_0,
         chamber_rise=departures.chamber_rise / p_0,

@@ -112,7 +112,8 @@ class SeatParameters(Section):
 
 
 class NozzleParameters(Section):
-    flow_coefficient: Positive  # alpha_H, -
+    flow_coefficient: Positive  # alpha_H at a difference of 100 MPa, -
+    coefficient_by_pressure: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0  # k_H, share of alpha_H per 100 MPa
     holes: Annotated[int, Field(ge=1)]
     hole_diameter: Annotated[Positive, UnitName("m")]
     sac_volume: Annotated[Positive, UnitName("m3")]  # V_S

@@ -88,7 +88,8 @@ def physical_rates(
         return denser(behind, modulus) * speed
 
     q_s = (1 + v_s) * seat.flow_coefficient * area_s * orifice(p_l, p_s)
-    q_h = (1 + v_h) * nozzle.flow_coefficient * area_h * orifice(p_s, p_c)
+    alpha_h = nozzle.flow_coefficient * (1 + nozzle.coefficient_by_pressure * ((p_s - p_c) / 100e6 - 1))
+    q_h = (1 + v_h) * alpha_h * area_h * orifice(p_s, p_c)
     drain = q_s if injector.line_outflow is LineOutflow.SEAT else q_h
     rates = (
         filling(p_l, fluid.bulk_modulus_line) / line.volume * (q_l - drain) / p_0,

@@ -31,10 +31,17 @@ def networks(draw: st.DrawFn) -> Network:
     return network
 
 
-@given(x=STATES, u=INPUTS, v_h=CHANGE, v_s=CHANGE)
+@given(x=STATES, u=INPUTS, v_h=CHANGE, v_s=CHANGE, k_h=st.sampled_from([0.0, -0.1, 0.2]))
 def test_equations_are_those_in_physical_units(
-    injector: InjectorParameters, x: tuple[float, float, float], u: tuple[float, float], v_h: float, v_s: float
+    injector: InjectorParameters,
+    x: tuple[float, float, float],
+    u: tuple[float, float],
+    v_h: float,
+    v_s: float,
+    k_h: float,
 ) -> None:
+    nozzle = injector.nozzle.model_copy(update={"coefficient_by_pressure": k_h})
+    injector = injector.model_copy(update={"nozzle": nozzle})
     c = coefficients(injector)
     network = constant_network(v_h, v_s)
     rates, q_h = physical_rates(x, u, v_h, v_s, injector)

@@ -127,6 +127,8 @@ INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 2
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
 STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 0.1, 20.0, 10.5, 1.0, 1.0)
 """Free where the fuel stiffens, with K_0 as `STIFFNESS`. Never left to the file: its prior is that of usual fuels."""
+NOZZLE_SLOPE = FreeParameter("k_H", "nozzle", "coefficient_by_pressure", "%/100 MPa", 0.01, -0.3, 0.3, 0.0, 2.0, 0.01)
+"""Free when a measured rate or mass gives the level, which then may differ from pressure to pressure."""
 _TIME = 1e-4  # s
 CONTROL = (
     FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 1.5e-4, 0.0, 4.0, MM3_PER_MS),

@@ -57,10 +57,10 @@ def _fit(
 
 
 def _deviations(done: CalibrationResult, true: InjectorParameters) -> dict[str, float]:
-    """Of the logarithms, in standard deviations."""
+    """On the parameters' scales, in standard deviations."""
     free, sigmas = done.fitted.calibration.free, done.fitted.certainty.sigmas
     return {
-        one.symbol: float(np.log(one.of(done.injector) / one.of(true)) / sigma)
+        one.symbol: float((one.theta_of(one.of(done.injector)) - one.theta_of(one.of(true))) / sigma)
         for one, sigma in zip(free, sigmas, strict=True)
     }
 

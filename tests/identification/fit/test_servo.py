@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
-from observer_rt.identification.fit.forms import CONTROL, DISPLACEMENT, INERTANCE, OPTIONAL_GROUPS, with_values
+from observer_rt.identification.fit.forms import (
+    CONTROL,
+    DISPLACEMENT,
+    INERTANCE,
+    OPTIONAL_GROUPS,
+    STIFFENING,
+    STIFFNESS,
+    with_values,
+)
 from observer_rt.identification.fit.masses import MEAN, WeighedMass
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import HEALTHY, LUMPS, POINTS, of_independent_plant, off_by_ten_percent
@@ -17,6 +25,7 @@ from tests.plants.plant import Bench, Event, Needle, Shot, record
 from tests.plants.windows import true_masses
 
 MM3_PER_MS, MICROSECOND = 1e-6, 1e-6
+NEW = Injector()
 CHAMBER = Laws(control_flow=13e-6, chamber_inlet=10e-6, guide_area=7e-6)
 
 
@@ -66,12 +75,12 @@ def test_a_needle_that_displaces_fuel_has_no_control_flow() -> None:
     assert "line.control_flow" not in done.sizes
 
 
-def weighed(laws: Laws, single: bool) -> tuple[CalibrationResult, float]:
+def weighed(laws: Laws, single: bool, part: Injector = NEW) -> tuple[CalibrationResult, float]:
     """From a bore 2.4 % off, with masses to 0.5 % of injections or their means; the short ones' error (rms)."""
     random, recordings, true, masses = np.random.default_rng(1), [], [], {}
     for number, pressure in enumerate((60e6, 100e6, 140e6)):
         events = tuple(Event(pressure, (Shot(0.0, duration),), HEALTHY) for duration in 3 * (0.9e-3, 2.2e-3))
-        outcome = record(bench := Bench(Injector(), Needle(), events, seed=100 + number, laws=laws))
+        outcome = record(bench := Bench(part, Needle(), events, seed=100 + number, laws=laws))
         recordings.append(recording_of(outcome))
         true.append(true_masses(outcome, bench))
         seen = true[-1] * random.normal(1.0, 0.005, true[-1].size)
@@ -79,7 +88,8 @@ def weighed(laws: Laws, single: bool) -> tuple[CalibrationResult, float]:
         of_each = {1 + place: WeighedMass(mass, 0.005 * mass) for place, mass in enumerate(seen.tolist())}
         masses[number] = of_each if single else {MEAN: mean}
     start = off_by_ten_percent()
-    start = with_values(start, [INERTANCE], np.array([1.05 * INERTANCE.of(start)]))
+    stiffness = part.bulk_modulus_line, part.stiffening
+    start = with_values(start, [INERTANCE, STIFFNESS, STIFFENING], np.array([1.05 * INERTANCE.of(start), *stiffness]))
     done = calibrate(start, measurements(recordings), masses, lambda _: None, LUMPS[:1])
     off = [judged.masses / exact - 1.0 for judged, exact in zip(done.comparison.after.judged, true, strict=True)]
     return done, float(np.sqrt(np.mean(np.concatenate([one[::2] for one in off]) ** 2)))
@@ -91,6 +101,16 @@ def test_masses_of_injections_find_the_bore_beside_a_pilot_valve() -> None:
     assert low < 2.4 < high < low + 0.008
     assert error < 0.002
     assert done.comparison.mass_misfit < 0.002
+
+
+def test_masses_show_that_the_nozzle_s_coefficient_changes_with_pressure() -> None:
+    """Of fuel that is as dense in the holes as midway, which is not the model's law."""
+    fuel = Injector(bulk_modulus_line=1.25e9, bulk_modulus_sac=1.25e9, stiffening=10.8)
+    done, error = weighed(Laws(), single=False, part=fuel)
+    low, high = done.sizes["nozzle.coefficient_by_pressure"].ci95
+    assert low < 2.8 < high < low + 1.0  # %: 50 MPa over K at 50 MPa
+    assert error < 0.003
+    assert done.mass_share < 0.003
 
 
 @pytest.mark.slow

@@ -23,7 +23,14 @@ from observer_rt.engine.learning.event import (
     RestingPressure,
     with_smooth_rail,
 )
-from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, OfferedKinds
+from observer_rt.engine.learning.explanations import (
+    FIRST_FITS,
+    FIRST_STEPS,
+    LATE_SENSOR,
+    STARTED,
+    Explanation,
+    OfferedKinds,
+)
 from observer_rt.engine.learning.fit import EventFitter, Fit
 from observer_rt.engine.learning.kinds import FILED, NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import Account, LearnedInjector, LearningState
@@ -281,16 +288,17 @@ class _EventReadings:
         prior, fits = learned.belief, list[Fit]()
         fitter = EventFitter(replace(cost, columns=LAWLESS), learned.active, self._reader.limits)
         filed = prior.narrowed(STATED, FILED)
-        for belief, move in [*product((filed, prior), STARTED[NEEDLE_CHANGED]), *product((prior,), LATE_SENSOR)]:
-            fits.append(fitter.fit(fitter.cost.linearised(learned.theta + move), belief, FIRST_STEPS))
+        for beliefs, moves in (((filed, prior), STARTED[NEEDLE_CHANGED]), ((prior,), LATE_SENSOR)):
+            starts = sorted(map(fitter.cost.linearised, learned.theta + moves), key=lambda run: run.value)
+            fits += [fitter.fit(*each, FIRST_STEPS) for each in product(starts[:FIRST_FITS], beliefs)]
         fits.sort(key=lambda fit: fit.run.value + 0.5 * prior.distance(fit.run.theta))
         late, others = ([fit for fit in fits if is_late(fit.active) is wanted] for wanted in (True, False))
-        sought, starts = [*NEEDLE_LAW.columns.tolist(), *STATED], []
+        sought, found = [*NEEDLE_LAW.columns.tolist(), *STATED], []
         for fit in (*others[:1], *late[:1]):
-            starts.append(learned.theta.copy())
-            starts[-1][sought] = fit.run.theta[sought]
-        self.rivals = [Account(replace(learned, theta=start, active=late[0].active)) for start in starts[1:]]
-        return cost.linearised(starts[0])
+            found.append(learned.theta.copy())
+            found[-1][sought] = fit.run.theta[sought]
+        self.rivals = [Account(replace(learned, theta=theta, active=late[0].active)) for theta in found[1:]]
+        return cost.linearised(found[0])
 
     def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[EventRun, RestingPressure]:
         """Run an event at the belief, with offset and gain by its rest where they differ from the belief's."""

@@ -46,8 +46,7 @@ def rights(priority: int) -> Rights:
     memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     lines = Path("/proc/self/status").read_text().splitlines()
     capabilities = next((int(line.split()[1], 16) for line in lines if line.startswith("CapEff:")), 0)
-    is_unlimited = memory == resource.RLIM_INFINITY or bool(capabilities & _CAP_IPC_LOCK)
-    return Rights(may_hurry, is_unlimited, priority)
+    return Rights(may_hurry, memory == resource.RLIM_INFINITY or bool(capabilities & _CAP_IPC_LOCK), priority)
 
 
 def lock_memory(granted: Rights) -> Rights:
@@ -129,8 +128,7 @@ def processors(asked: Sequence[int] | None, loops: int) -> Processors:
     isolated = numbers_in(_ISOLATED.read_text()) if _ISOLATED.exists() else ()
     wanted = tuple(dict.fromkeys(isolated if asked is None else asked))
     granted = _tried(lambda: tuple(filter(_may_stay_on, wanted)))
-    refused = () if asked is None else tuple(cpu for cpu in wanted if cpu not in granted)
-    return Processors(granted[:loops], refused)
+    return Processors(granted[:loops], () if asked is None else tuple(cpu for cpu in wanted if cpu not in granted))
 
 
 def leave_to_loops(granted: Processors) -> None:

@@ -69,8 +69,7 @@ def nearest(name: str, names: Iterable[str]) -> str | None:
     """The known name most like `name`, whatever its case; None when none is like it."""
 
     def likeness(other: str) -> tuple[float, float]:
-        ignoring_case = SequenceMatcher(None, name.lower(), other.lower()).ratio()
-        return ignoring_case, SequenceMatcher(None, name, other).ratio()
+        return SequenceMatcher(None, name.lower(), other.lower()).ratio(), SequenceMatcher(None, name, other).ratio()
 
     best = max(names, key=likeness, default=None)
     return best if best is not None and likeness(best)[0] >= CUTOFF else None

@@ -32,8 +32,7 @@ def convert(
     Raises `UserError` for a pair that does not fit and for content the target cannot hold, which is then as before.
     """
     holds_frames = is_log(source)
-    suffix = target.suffix.lower()
-    takes_signals = suffix in SIGNALS_WRITTEN
+    takes_signals = target.suffix.lower() in SIGNALS_WRITTEN
     if source.exists() and target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
     check_output("OUT", target, force, suffixes=tuple(dict.fromkeys((*SIGNALS_WRITTEN, *LOGS_WRITTEN))))

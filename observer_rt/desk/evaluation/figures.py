@@ -215,8 +215,7 @@ def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture],
         title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"
         titles = [picture.title for picture in recordings]
         handles = [Line2D([], [], color=RECORDINGS[i % len(RECORDINGS)], label=name) for i, name in enumerate(titles)]
-        longest = max(map(len, titles)) + _HANDLE
-        ncols = int(np.clip(_LETTERS * figure.get_figwidth() // longest, 1, COLUMNS))
+        ncols = int(np.clip(_LETTERS * figure.get_figwidth() // (max(map(len, titles)) + _HANDLE), 1, COLUMNS))
         figure.legend(
             handles=handles, loc="outside upper left", ncols=ncols, title=title, alignment="left", frameon=False
         )

@@ -76,8 +76,7 @@ def observer_remainder(
             continue
         events: list[_HealthyEvent] = []
         uncommanded = replace(recording, energizing=None)  # its pilot valve goes by the lift, as in the fit
-        history = evaluate(bench, [uncommanded], knowledge, learner_of=partial(_Listener, events))
-        knowledge = history.knowledge
+        knowledge = evaluate(bench, [uncommanded], knowledge, learner_of=partial(_Listener, events)).knowledge
         if events:
             collected.append(events)
     return _remainder(collected) if collected else None

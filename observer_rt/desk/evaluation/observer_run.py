@@ -189,8 +189,7 @@ class HistorySamples:
     def _hand_over_unknown(self, run: Run, end: int) -> None:
         while self._handed_over < end:
             stop = min(end, self._handed_over + SAMPLES_AT_ONCE)
-            times = run.times(np.arange(self._handed_over, stop))
-            run.sink.take_samples(unknown(self._handed_over, times))
+            run.sink.take_samples(unknown(self._handed_over, run.times(np.arange(self._handed_over, stop))))
             self._handed_over = stop
 
     def _append(self, samples: Trace) -> None:

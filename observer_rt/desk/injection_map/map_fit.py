@@ -69,8 +69,7 @@ class MapFit:
     @property
     def rms(self) -> float:
         """Share by which masses are off, rms, weighed by the map's standard deviations."""
-        weights = (self.map.mass / self.map.sigma) ** 2
-        return math.sqrt(float(np.sum(self.off**2)) / float(np.sum(weights)))
+        return math.sqrt(float(np.sum(self.off**2)) / float(np.sum((self.map.mass / self.map.sigma) ** 2)))
 
     @property
     def written(self) -> tuple[forms.FreeParameter, ...]:
@@ -167,5 +166,4 @@ def fit_map(file: InjectorParameters, of: MassMap, progress: Callable[[float], N
 
 def _spread(left: Floats, parameters: int) -> float:
     """Variance of normalised differences (n,) that few outliers do not change, 1 at least."""
-    freedom = left.size / max(left.size - parameters, 1)
-    return max(1.0, freedom * (MAD * float(np.median(np.abs(left)))) ** 2)
+    return max(1.0, (left.size / max(left.size - parameters, 1)) * (MAD * float(np.median(np.abs(left)))) ** 2)

@@ -154,8 +154,7 @@ class EvaluationResult(KnowledgeHolder):
 
     @property
     def _in_short(self) -> pd.DataFrame:
-        names = _IN_SHORT if len(self.evaluations) > 1 else _IN_SHORT[1:]
-        return self.injections[list(names)].round(_DECIMALS)
+        return self.injections[list(_IN_SHORT if len(self.evaluations) > 1 else _IN_SHORT[1:])].round(_DECIMALS)
 
 
 def _name(evaluation: Evaluation) -> str:

@@ -52,8 +52,7 @@ class InjectionWindow(NamedTuple):
 
 def injection_windows(needle_lift: Floats, sample_rate: float) -> list[InjectionWindow]:
     """Windows of all strokes in a noise-free lift [m] (n,): 0.15 ms before opening to 0.5 ms after shutting."""
-    is_open = np.concatenate([[False], needle_lift > SHUT, [False]])
-    edges = np.flatnonzero(np.diff(is_open))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], needle_lift > SHUT, [False]])))
     lead, tail = round(WINDOW_LEAD * sample_rate), round(WINDOW_TAIL * sample_rate)
     return [
         InjectionWindow(int(opening) - lead, int(shut) + tail + 1, int(opening), int(shut))

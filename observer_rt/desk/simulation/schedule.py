@@ -73,8 +73,7 @@ class Schedule:
             if change == 0.0:
                 continue
             gap = after.first_energizing - before.last_energizing
-            middle = before.last_energizing + 0.5 * gap
-            share = np.clip((time - middle) / (RAMP_SHARE * gap) + 0.5, 0.0, 1.0)
+            share = np.clip((time - (before.last_energizing + 0.5 * gap)) / (RAMP_SHARE * gap) + 0.5, 0.0, 1.0)
             pressure += change * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
         return pressure
 

@@ -132,8 +132,7 @@ def _measure(
         rail_pressure = PRESSURE.apply(rail_pressure + rail.normal(0.0, noise.rail_pressure, n))
         needle_lift = LIFT.apply(needle_lift + lift.normal(0.0, noise.needle_lift, n))
         line_pressure = PRESSURE.apply(line_pressure + line.normal(0.0, noise.line_pressure, n))
-    measured = injection_rate if measured_rate else None
-    return Recording(truth.time, rail_pressure, needle_lift, line_pressure, measured)
+    return Recording(truth.time, rail_pressure, needle_lift, line_pressure, injection_rate if measured_rate else None)
 
 
 def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:

@@ -101,8 +101,7 @@ def _is_calendar(kind: Any) -> bool:
 def _is_number(kind: Any) -> bool:
     from pyarrow import types
 
-    checks = types.is_integer, types.is_floating, types.is_decimal, types.is_boolean
-    return any(check(kind) for check in checks)
+    return any(check(kind) for check in (types.is_integer, types.is_floating, types.is_decimal, types.is_boolean))
 
 
 def _moments(column: Any) -> Ints:

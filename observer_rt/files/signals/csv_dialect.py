@@ -187,8 +187,7 @@ def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConf
     is_named = any(column.number is None for column in wanted.values())
     heading = counts.index(name_count) if is_named else -1
     widest = max(above, key=len) if heading < 0 else above[heading]
-    found_at = [_column_number(column, widest) for column in wanted.values()]
-    places = [place for place in found_at if place is not None]
+    places = [place for place in [_column_number(column, widest) for column in wanted.values()] if place is not None]
     fewest = 1 if is_named else len(wanted) or fewest
     fitting = []
     for number, row in enumerate(cells[heading + 1 :], heading + 1):

@@ -201,7 +201,6 @@ class AxisSurvey:
             return np.full(grid.size, np.nan)
         result = np.interp(grid, position, values, left=np.nan, right=np.nan)
         after = np.minimum(np.searchsorted(position, grid), position.size - 1)
-        before = np.maximum(after - 1, 0)
-        is_far = position[after] - position[before] > self.reach * self._rate + 1e-6
+        is_far = position[after] - position[np.maximum(after - 1, 0)] > self.reach * self._rate + 1e-6
         result[(position[after] != grid) & is_far] = np.nan
         return result

@@ -138,10 +138,8 @@ def _totals(
     fitted = minimum_from(problem, hypothesis.ranges(), [start])
     if fitted is None:
         raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
-    spread = math.sqrt(max(1.0, float(np.mean(fitted.residuals.z**2))))
-    half = NORMAL_975 * spread * fitted.sigmas()
-    total = replace(discovery.named, sizes=tuple(fitted.theta.tolist()), half=tuple(half.tolist()))
-    return total.parameters
+    half = NORMAL_975 * math.sqrt(max(1.0, float(np.mean(fitted.residuals.z**2)))) * fitted.sigmas()
+    return replace(discovery.named, sizes=tuple(fitted.theta.tolist()), half=tuple(half.tolist())).parameters
 
 
 def _reason(discovery: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:

@@ -62,8 +62,7 @@ def plain_words(term: Term, largest_lift: float | None = None) -> str:
     gate = GATES[product.gates[0]] if product.gates else ""
     words = _phrase(term, product.size * reading.size)
     per = f"per {reading.per}" if reading.per else ""
-    where = reading.where or ("" if gate else "all the time")
-    return " ".join(filter(None, (words, per, where, gate)))
+    return " ".join(filter(None, (words, per, reading.where or ("" if gate else "all the time"), gate)))
 
 
 def law_text(term: Term) -> str:

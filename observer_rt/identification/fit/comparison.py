@@ -51,8 +51,7 @@ class UnexplainedSignal:
 
     def excess(self, phase: Phase) -> float:
         """Root mean square beyond noise of the means that chi2 is of, in standard deviations of a sample."""
-        samples = BLOCKS[0] if self.statistics.blocks[phase, 0] else 1
-        return math.sqrt(max(self.chi2[phase] - 1.0, 0.0) / samples)
+        return math.sqrt(max(self.chi2[phase] - 1.0, 0.0) / (BLOCKS[0] if self.statistics.blocks[phase, 0] else 1))
 
     @property
     def mean(self) -> float:

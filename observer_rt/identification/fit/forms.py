@@ -101,8 +101,7 @@ class EffectSize(FreeParameter):
     def in_force(self, injector: InjectorParameters, value: float) -> InjectorParameters:
         """An injector with the effect at a value [SI]."""
         parameters = VOCABULARY[self.key].parameters
-        values = [value, *(one.starts[0] for one in parameters[1:])]
-        sized = zip(parameters, values, strict=True)
+        sized = zip(parameters, [value, *(one.starts[0] for one in parameters[1:])], strict=True)
         sizes = {one.name: EffectValue(value=size / one.si, unit=one.unit) for one, size in sized}
         others = [each for each in injector.effects if not self._is_made(each)]
         effect = EffectInForce(id=self.key, parameters=sizes, origin=_TRIED)

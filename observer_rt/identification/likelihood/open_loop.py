@@ -76,8 +76,7 @@ def _simulated(measurement: Measurement, effective: EffectiveModel) -> tuple[Sim
     inputs = TrueInputs(measurement, model.inputs, c, needle=model.injector.needle_law)
     batch = windows.batch_of(measurement, rows, inputs, late, sensor.offset, c)
     gain = windows.schedule_of(measurement, model).gains[-1]
-    sample_rate = measurement.recording.sample_rate
-    substeps = substeps_needed(model.injector, sample_rate, model.departures) + SPARE_SUBSTEPS
+    substeps = substeps_needed(model.injector, measurement.recording.sample_rate, model.departures) + SPARE_SUBSTEPS
     setting = windows.setting_of(measurement, model, late, substeps, gain)
     errors, rate = windows.followed(batch, setting, model.injector.needle_law, until_opening=True)
     pressure = (batch.output - errors) * c.pressure_scale + c.chamber_pressure
@@ -119,8 +118,7 @@ def consequence(measured: Sequence[Measurement], before: EffectiveModel, after: 
             runs = (old, before), (new, after)
             was, now = (mass(measurement, run, model.coefficients.density) for run, model in runs)
             masses.append(now - was)
-    squares = np.concatenate(pressures) ** 2
-    return Consequence(float(np.sqrt(np.mean(squares))), float(np.mean(masses)))
+    return Consequence(float(np.sqrt(np.mean(np.concatenate(pressures) ** 2))), float(np.mean(masses)))
 
 
 def measured_mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
@@ -156,8 +154,7 @@ class MeasuredRate:
         assert rate is not None
         self._rate, self._volumes = rate[rows.rate_samples], rows.volumes(rate[rows.samples])
         self._noise, self._interval, self._by_lift = measurement.rate_noise, measurement.interval, by_lift
-        injecting = rows.volumes(np.ones(rows.samples.size))
-        self._volume_noise = self._noise * np.sqrt(injecting * self._interval)
+        self._volume_noise = self._noise * np.sqrt(rows.volumes(np.ones(rows.samples.size)) * self._interval)
         self._sigma = self._sigma_at(0.0)
 
     def residuals(self, rate: Floats, lift_lag: float) -> tuple[Floats, float]:
@@ -171,8 +168,7 @@ class MeasuredRate:
 
     def _sigma_at(self, lift_lag: float) -> Floats:
         """Standard deviation (m,) of measured minus modelled rate: its own noise, and that of the restored lift."""
-        by_lift = noise_gain(lift_lag / self._interval) * self._by_lift
-        return np.asarray(np.hypot(self._noise, by_lift), np.float64)
+        return np.asarray(np.hypot(self._noise, noise_gain(lift_lag / self._interval) * self._by_lift), np.float64)
 
 
 def _without_gain_error(measured: Floats, modelled: Floats, sigma: Floats) -> Floats:

@@ -115,8 +115,7 @@ def without_lift(bench: Bench, opens_later: float, closes_later: float, **line: 
     recording = commanded(bench, outcome, *before, jitter=10e-6).without_lift()
     injector = injector.model_copy(update={"line": injector.line.model_copy(update=line)})
     reports = evaluate(observer.with_parameters(injector), [recording]).evaluations[0].reports
-    masses = np.bincount(outcome.event_of, true_masses(outcome, bench))
-    return ObservedRun(reports, masses.astype(np.float64))
+    return ObservedRun(reports, np.bincount(outcome.event_of, true_masses(outcome, bench)).astype(np.float64))
 
 
 @pytest.mark.decisive(1)

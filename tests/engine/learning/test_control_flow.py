@@ -46,8 +46,7 @@ def learned(
     bench = Bench(Injector(), Needle(), schedule, seed=seed, laws=laws, around=around)
     observer = bench_at(bench.sample_rate)
     if accuracy is not None:
-        model = observer.injector.parameters.model_copy(update={"accuracy": accuracy})
-        observer = observer.with_parameters(model)
+        observer = observer.with_parameters(observer.injector.parameters.model_copy(update={"accuracy": accuracy}))
     return observed(bench, observer)[first:]
 
 

@@ -40,8 +40,7 @@ def seen(
     if dips:
         plant = replace(plant, around=Surroundings(supply=(dip,)))
     bench = bench_at(plant.sample_rate, accuracy_percent=SENSORS)
-    model = bench.injector.parameters.model_copy(update={"accuracy": accuracy})
-    return observed(plant, bench.with_parameters(model))
+    return observed(plant, bench.with_parameters(bench.injector.parameters.model_copy(update={"accuracy": accuracy})))
 
 
 def drawn(random: Generator) -> Faults:
@@ -73,8 +72,7 @@ def test_a_gain_within_accuracy_is_in_the_interval(faults: Faults, pressures: tu
 
 def test_a_bore_that_nobody_knows_better_is_in_the_interval() -> None:
     part = Injector()
-    wider = part._replace(line_area=part.line_area * 1.015**2)
-    run = seen(Faults(), wider, LINE)
+    run = seen(Faults(), part._replace(line_area=part.line_area * 1.015**2), LINE)
     assert np.all(np.abs(run.errors[4:]) > 0.02)  # nothing shows it
     assert all(report.valid for report in run.reports[3:])
     assert all(run.inside)

@@ -29,8 +29,7 @@ def parabola(entries: list[float]) -> EventRun:
 
 
 def prior(mean: list[float], sigma: list[float], correlation: float) -> Belief:
-    covariance = np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]])
-    return prior_belief(np.array(mean), covariance)
+    return prior_belief(np.array(mean), np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]]))
 
 
 def integral(cost: EventRun, belief: Belief) -> tuple[float, NDArray[np.float64]]:

@@ -23,8 +23,7 @@ from tests.engine.learning.strokes import CONSTANTS
 def test_an_event_is_believed_again_sooner_where_all_was_well_before(events: str, passed: str) -> None:
     """Statistics over recent events keep nothing of one that was refused by itself."""
     rng = np.random.default_rng(4)
-    resting = np.ones(1200, np.bool_)
-    window = Window(np.zeros((1200, 2)), np.zeros(1200), resting, np.zeros(4), opening=0)
+    window = Window(np.zeros((1200, 2)), np.zeros(1200), np.ones(1200, np.bool_), np.zeros(4), opening=0)
     examiner, result = Examiner(no_statistics(), NOT_FITTED), []
     for event in events.split():
         innovations = Innovations(rng.normal(0.0, 6.0 if event == "bad" else 1.0, 1200), 1.0)

@@ -42,8 +42,7 @@ def event(v_h: float, seed: int | None = None) -> Window:
 def knowledge_with(belief: Belief, in_force: Vector) -> Knowledge:
     fresh = no_knowledge(NOISE, NOMINAL.scaling.pressure)
     learned = replace(fresh.state.learned, belief=belief, theta=in_force, is_prior=False)
-    state = replace(fresh.state, account=Account(learned), events=5)
-    return Knowledge(state, in_force, phi_version=3)
+    return Knowledge(replace(fresh.state, account=Account(learned), events=5), in_force, phi_version=3)
 
 
 def learner_with(belief: Belief, in_force: Vector) -> Learner:
@@ -51,14 +50,12 @@ def learner_with(belief: Belief, in_force: Vector) -> Learner:
 
 
 def belief_in(v_h: float, sigma: float) -> Belief:
-    wide = SCALARS.prior(NOMINAL.scaling.pressure)
-    return prior_belief(nozzle_wear(v_h), np.diag(np.minimum(wide, sigma) ** 2))
+    return prior_belief(nozzle_wear(v_h), np.diag(np.minimum(SCALARS.prior(NOMINAL.scaling.pressure), sigma) ** 2))
 
 
 def test_adopted_phi_takes_force() -> None:
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
-    knowledge = knowledge_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
-    observer = make_observer(CONSTANTS, knowledge, learner)
+    observer = make_observer(CONSTANTS, knowledge_with(belief_in(0.0, 0.3), nozzle_wear(0.0)), learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, observer.theta.copy())
     assert outcome.adoption is Adoption.ADOPTED
     assert wear_of(outcome.estimate) == pytest.approx(0.3, abs=0.02)
@@ -103,8 +100,7 @@ def test_one_that_takes_over_learns_as_the_one_before() -> None:
         theta = outcome.knowledge.in_force
     assert outcome is not None
     remembered = as_text(outcome.knowledge.state)
-    kept = replace(outcome.knowledge, state=from_plain(LearningState, json.loads(remembered)))
-    after = Learner(CONSTANTS, kept)
+    after = Learner(CONSTANTS, replace(outcome.knowledge, state=from_plain(LearningState, json.loads(remembered))))
     assert as_text(after.state) == as_text(before.state) == remembered
     first, second = (one.learn(event(0.3, seed=9), NO_STANDSTILL, theta) for one in (before, after))
     np.testing.assert_array_equal(first.estimate, second.estimate)

@@ -22,8 +22,7 @@ BURST = slice(500, 700)
 def truth() -> Array:
     """A line that swings after an injection, over the rail pressure and below it."""
     k = np.arange(COUNT) - OPENING
-    swing = -0.15 * np.sin(2.0 * np.pi * k / 130.0) * np.exp(-k / 600.0)
-    return 1.0 + np.where(k > 0, swing, 0.0)
+    return 1.0 + np.where(k > 0, -0.15 * np.sin(2.0 * np.pi * k / 130.0) * np.exp(-k / 600.0), 0.0)
 
 
 def noise(seed: int, burst: float = 0.0, at: slice = BURST) -> Array:

@@ -82,8 +82,7 @@ def test_meaning_of_a_parameter_vector() -> None:
     c = coefficients(load_injector())
     learned = learned_of(theta, c)
     softer = stiffened(c.line, -0.1)
-    leak = c.line.leak + 0.04 * softer.a1
-    changed = softer._replace(a4=3.0 * c.line.a4, leak=leak, air=c.line.air + 0.05)
+    changed = softer._replace(a4=3.0 * c.line.a4, leak=c.line.leak + 0.04 * softer.a1, air=c.line.air + 0.05)
     assert learned.coefficients == c._replace(line=changed)
     assert learned.offset == 0.3
     assert learned.sensor[0] == pytest.approx(40e-6)

@@ -48,8 +48,7 @@ def test_how_many_samples_come_together_changes_nothing(pieces: list[int], resta
         return stream.finish().rows
 
     together = rows([0, restart, 300])
-    ends = {int(end) for end in np.cumsum(pieces) if end < 300}
-    apart = rows(sorted({0, restart, 300} | ends))
+    apart = rows(sorted({0, restart, 300} | ({int(end) for end in np.cumsum(pieces) if end < 300})))
     for name in ("rail_pressure", "needle_lift", "line_pressure", "lift", "rail_share", "injection_rate", "doubt"):
         np.testing.assert_array_equal(together[name], apart[name])
     assert np.array_equal(together["index"], np.arange(300))

@@ -74,8 +74,7 @@ def test_seat_opens_and_shuts_between_samples_where_the_needle_does(phase: float
     """20 kHz, 0.4 m/s: 20 um a sample. The ramps start and end `phase` of a sample after one."""
     time = np.arange(80) - 20 - phase
     lift = 20 * UM * np.clip(np.minimum(time, 40 - time), 0.0, 15.0)
-    stream = Stream(sample_rate=20e3).stay_shut(5e-3).move(lift).stay_shut(1e-3)
-    area = stream.rows["seat_area"][100:180]
+    area = Stream(sample_rate=20e3).stay_shut(5e-3).move(lift).stay_shut(1e-3).rows["seat_area"][100:180]
     opened = np.flatnonzero(area > 0.0)
     before, after = opened[0] - 1, opened[-1] + 1
     assert (before, after) == (20, 61)

@@ -49,8 +49,7 @@ def test_event_gap_and_a_needle_shut_long_enough_part_events(opened: int, later:
 def test_the_first_events_need_not_last_their_gap() -> None:
     """As many as are required before anything is valid; the third is of all openings within the gap."""
     period = round(4.2 * MS)
-    starts = range(1000, 1000 + 12 * period, period)
-    stream = run(dict.fromkeys(starts, 110), 12_000)
+    stream = run(dict.fromkeys(range(1000, 1000 + 12 * period, period), 110), 12_000)
     assert [int(i["event"]) for i in stream.injections] == [1, 2, 3, 3, 3, 4, 4, 4, 5, 5, 5, 6]
     valid = [bool(i["valid"]) for i in stream.injections]
     assert valid == [False] * 8 + [True] * 4  # 20 ms after the third opened the second is judged
@@ -73,8 +72,7 @@ def test_openings_without_end_are_judged_and_valid(period: int) -> None:
 
 def test_openings_that_leave_no_standstill_say_so() -> None:
     """2.5 ms are not enough: the sac may still be filled; the injections are over and reported all the same."""
-    openings = dict.fromkeys(range(1000, 99_000, round(3.6 * MS)), 110)
-    stream = run(openings, 99_000)
+    stream = run(dict.fromkeys(range(1000, 99_000, round(3.6 * MS)), 110), 99_000)
     rows = stream.rows[60_000:]
     assert (rows["reason"] == Reason.NO_STANDSTILL).all()
     assert (rows["state"] == State.DEGRADED).all()
@@ -172,8 +170,7 @@ def test_all_is_the_same_wherever_the_index_of_the_device_begins() -> None:
 def test_opening_that_cuts_a_window_short_counts_with_its_own_sample() -> None:
     """Not with what stood in its place of the ring one lap before, when nothing was valid yet."""
     first, lap = 1000, RING
-    openings = {first: 110, first + 6000: 110, first + lap - 60: 30, first + lap: 110}
-    stream = run(openings, first + lap + 6000)
+    stream = run({first: 110, first + 6000: 110, first + lap - 60: 30, first + lap: 110}, first + lap + 6000)
     pilot = stream.injections[2]
     rows = stream.rows[int(pilot["start_position"]) : int(pilot["end_position"]) + 1]
     assert int(pilot["end_index"]) == first + lap - 15  # where the next one begins
@@ -184,8 +181,7 @@ def test_opening_that_cuts_a_window_short_counts_with_its_own_sample() -> None:
 
 
 def test_injection_in_time_not_synchronised_has_no_volume() -> None:
-    stream = run({100: 50}, 6000)
-    (injection,) = stream.injections
+    (injection,) = run({100: 50}, 6000).injections
     assert np.isnan(injection["volume"])
     assert np.isnan(injection["peak_rate"])
     assert not injection["valid"]

@@ -42,8 +42,7 @@ def test_white_noise_and_three_spikes_contradict_nothing() -> None:
 @pytest.mark.parametrize("period", [3, 12, 10_000])
 def test_a_line_that_swings_otherwise_contradicts_soon(period: int) -> None:
     """Innovations of both signs do not make up for each other."""
-    swing = 4.0 * np.cos(2.0 * np.pi * np.arange(40) / period)
-    result = contradicted_at(swing, running())
+    result = contradicted_at(4.0 * np.cos(2.0 * np.pi * np.arange(40) / period), running())
     assert result is not None
     assert result < 16
 

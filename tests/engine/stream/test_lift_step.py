@@ -22,8 +22,7 @@ def run(disturbance: NDArray[np.float64], noise: float = NOISE.needle_lift, is_c
 
 
 def durations(stream: Stream) -> NDArray[np.int64]:
-    is_open = np.concatenate(([False], stream.rows["seat_area"] > 0.0, [False]))
-    edges = np.flatnonzero(np.diff(is_open))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], stream.rows["seat_area"] > 0.0, [False]))))
     return edges[1::2] - edges[::2]
 
 
@@ -64,8 +63,7 @@ def test_the_current_through_the_coil_opens_no_needle(height: float, before: int
 @pytest.mark.parametrize("noise", [0.4 * UM, 1.2 * UM])
 def test_hum_moves_the_zero_on_while_the_needle_is_open(noise: float) -> None:
     """By 1.4 um from edge to edge, where it is quickest; followed by a mean, the zero would be off by 1.4 rms."""
-    hum = 3 * UM * np.sin(2 * np.pi * 50.0 * np.arange(LENGTH) / 100e3 + 0.1)
-    stream = run(hum, noise)
+    stream = run(3 * UM * np.sin(2 * np.pi * 50.0 * np.arange(LENGTH) / 100e3 + 0.1), noise)
     assert len(stream.injections) == len(OPENINGS)
     assert np.sqrt(np.mean(edge_errors(stream, noise) ** 2)) < 0.7 * UM
 
@@ -83,8 +81,7 @@ def test_a_needle_that_opens_slowly_is_no_step() -> None:
     lift = np.zeros(LENGTH)
     lift[18_000:18_200] = rise
     lift[18_200:18_400] = rise[::-1]
-    stream = run(lift)
-    opened = np.flatnonzero(stream.rows["seat_area"][17_900:18_500] > 0.0)
+    opened = np.flatnonzero(run(lift).rows["seat_area"][17_900:18_500] > 0.0)
     assert opened[0] <= 102
     assert opened[-1] == pytest.approx(497, abs=5)
 
@@ -104,7 +101,6 @@ def test_a_zero_that_steps_while_the_needle_is_open_is_found_in_rest(step: float
 def test_noise_that_is_no_lift_opens_nothing_that_is_valid() -> None:
     """Of a lift in another unit: a thousand times as loud."""
     loud = np.where(np.arange(LENGTH) >= STEP_AT - 500, 400 * UM, 0.0)
-    stream = run(loud * np.random.default_rng(3).normal(size=LENGTH))
-    rows = stream.rows[STEP_AT - 500 : STEP_AT + 1000]
+    rows = run(loud * np.random.default_rng(3).normal(size=LENGTH)).rows[STEP_AT - 500 : STEP_AT + 1000]
     assert (rows["seat_area"] > 0.0).any()
     assert not (rows["valid"] & (rows["seat_area"] > 0.0)).any()

@@ -54,8 +54,7 @@ def test_zero_is_followed(drift: NDArray[np.float64]) -> None:
 def test_zero_of_before_is_a_start(first_zero: float, zero: float) -> None:
     """Where the needle rests elsewhere after a restart, it is found there, as without it; the line rings."""
     lift = lift_of(OPENINGS, TIME.size) + zero * UM
-    random = np.random.default_rng(9)
-    rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
+    rail = RAIL + np.random.default_rng(9).normal(0.0, NOISE.rail_pressure, lift.size)
     line = rail + 3e6 * np.sin(2 * np.pi * 1e3 * TIME)
     stream = Stream(events_required=0, lift=RestingLift(zero=first_zero * UM)).feed(rail, lift, line)
     result = [i["opening_index"] for i in stream.injections]
@@ -159,8 +158,7 @@ def test_band_follows_noise_that_grows() -> None:
 
 @cache
 def ringing() -> Simulation:
-    schedule = make_schedule([RAIL], 12, 0.05, [1.4e-3, 0.8e-3])
-    return simulate(NOMINAL, schedule, 100e3, noise=SimulatedNoise(), seed=4)
+    return simulate(NOMINAL, make_schedule([RAIL], 12, 0.05, [1.4e-3, 0.8e-3]), 100e3, noise=SimulatedNoise(), seed=4)
 
 
 def observed(crosstalk: float, loud: slice = slice(0), first_crosstalk: float = 0.0) -> Stream:

@@ -62,8 +62,7 @@ def rmse(evaluation: Evaluation, worn: bool, first: int) -> float:
     inside = np.zeros(time.size, np.bool_)
     for report in evaluation.reports[first:]:
         inside[report.start_index : report.end_index] = True
-    error = evaluation.trace.injection_rate - true
-    return float(np.sqrt(np.nanmean(error[inside] ** 2)))
+    return float(np.sqrt(np.nanmean((evaluation.trace.injection_rate - true)[inside] ** 2)))
 
 
 def masses(evaluation: Evaluation, worn: bool, first: int) -> NDArray[np.float64]:

@@ -38,8 +38,7 @@ def test_noise_of_a_rail_pressure_between_its_samples_is_that_of_its_samples(sha
     rail = RAIL + random.normal(0.0, 0.1e6, 100_001)
     between = (1.0 - share) * rail[:-1] + share * rail[1:]
     still = np.zeros(100_000)
-    line = RAIL + random.normal(0.0, 0.15e6, 100_000)
-    noise = stream.feed(between, still, line, rail_share=share).standstill.noise
+    noise = stream.feed(between, still, RAIL + random.normal(0.0, 0.15e6, 100_000), rail_share=share).standstill.noise
     assert noise is not None
     assert noise.rail_pressure == pytest.approx(0.1e6, rel=0.02)
 

@@ -18,8 +18,7 @@ def noisy(length: int, openings: dict[int, int], seed: int = 1) -> Channels:
 
 
 def test_shut_for_three_milliseconds_the_observer_follows_the_identification() -> None:
-    stream = Stream().feed(*noisy(3000, {1000: 110}))
-    rows = stream.rows
+    rows = Stream().feed(*noisy(3000, {1000: 110})).rows
     opened = np.flatnonzero(rows["seat_area"] > 0.0)
     opening, shut = int(opened[0]), int(opened[-1]) + 1
     assert 1000 - LOOK_BACK <= opening <= 1000
@@ -67,8 +66,7 @@ def test_start_in_the_middle_of_an_injection() -> None:
 def test_after_a_gap_outputs_come_back_after_three_milliseconds_shut(broken: Break, reason: Reason) -> None:
     """The needle may have moved meanwhile: nothing is known of the sac."""
     stream = Stream(events_required=0).feed(*noisy(1000, {}))
-    index = 0 if broken is Break.RESTART else 1009
-    stream.feed(*noisy(1000, {}, seed=2), index=index, broken=broken)
+    stream.feed(*noisy(1000, {}, seed=2), index=0 if broken is Break.RESTART else 1009, broken=broken)
     after = stream.rows[1000:]
     assert np.isnan(after["injection_rate"][: 3 * MS + 1]).all()
     assert not after["valid"][: 3 * MS + 1].any()
@@ -114,8 +112,7 @@ def test_identification_starts_anew_after_a_break(broken: Break) -> None:
     stream.feed(rail, lift, line, index=5000, broken=broken)
     pressure = (line[0] - 5e6) / 100e6
     assert tuple(stream.rows[1000]["x_tilde"]) == pytest.approx((pressure, 0.0, 0.0), abs=1e-12)
-    beginning = Stream().feed(rail, lift, line)
-    np.testing.assert_array_equal(stream.rows["x_tilde"][1000:], beginning.rows["x_tilde"])
+    np.testing.assert_array_equal(stream.rows["x_tilde"][1000:], Stream().feed(rail, lift, line).rows["x_tilde"])
 
 
 def test_positions_and_indices_of_every_sample_stay_together() -> None:

@@ -219,8 +219,7 @@ class Fitter:
             own = Hypothesis((effect,)).starts()
             if sizes is not None and effect.parameters:
                 own.append(np.append(sizes[number], own[0][1:]))
-            starts = [np.append(about.theta, start) for start in own]
-            tasks.append((about.hypothesis.with_effect(effect), starts))
+            tasks.append((about.hypothesis.with_effect(effect), [np.append(about.theta, start) for start in own]))
         rough = sorted(self._fitted_all(tasks, ROUGH_ITERATIONS), key=attrgetter("statistic"))
         if not rough:
             return []

@@ -61,8 +61,7 @@ def proposals_of(
 
     made = [proposal(one) for one in laws]
     if not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
-        parts = made[0].candidate.parts
-        alone = [(Hypothesis((effect,)), sizes) for effect, sizes, _ in parts if is_term(effect)]
+        alone = [(Hypothesis((effect,)), sizes) for effect, sizes, _ in made[0].candidate.parts if is_term(effect)]
         made += [proposal(one) for one in sorted(fitter.laws(alone), key=attrgetter("price"))[:1]]
     return with_parts([replace(one, number=number) for number, one in enumerate(made, start=1)], measured, nominal)
 
@@ -138,8 +137,7 @@ def _refusal_in_part(
     if closed < LEAST_CLOSED:
         tenths = math.floor(1e3 * max(closed, 0.0)) / 10.0  # rounded up it might read as enough
         return Refusal(f"it closes {tenths:.1f}% of the gap held out, less than {LEAST_CLOSED:.1%}", _MORE)
-    moved = [each.candidate.moves.mass - proposal.candidate.moves.mass for each in proposals]
-    differs = max(moved, key=abs)
+    differs = max([each.candidate.moves.mass - proposal.candidate.moves.mass for each in proposals], key=abs)
     if abs(differs) > interval:
         return Refusal(
             f"a law of another equation that explains as much would inject {differs / MILLIGRAM:+.2g} mg, beyond "

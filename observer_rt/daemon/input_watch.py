@@ -236,6 +236,11 @@ class InputWatch:
         return [*notices, *self._lift.look(core.lift), *self._senders.look(now)]
 
     @property
+    def is_lift_missing(self) -> bool:
+        """Whether the frames of the needle lift come, but have no possible value."""
+        return "needle_lift" in self._values.odd
+
+    @property
     def causes(self) -> tuple[str, ...]:
         """Lasting faults of the inputs, which may be why nothing is valid."""
         return (*self._units.reported.values(), *filter(None, [self._rate.reported]))

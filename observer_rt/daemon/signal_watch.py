@@ -118,6 +118,11 @@ class ValueWatch:
         self._odd, self._frozen = _Findings(LOOKS, names), _Findings(1, names)
         self._is_frozen: dict[str, str] = {}
 
+    @property
+    def odd(self) -> Mapping[str, str]:
+        """Signals without a possible value, as reported, in words with their remedy."""
+        return self._odd.reported
+
     def look(self, newest: Floats, samples: Samples) -> Iterator[Notice]:
         """Notices; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 

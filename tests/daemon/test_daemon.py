@@ -3,8 +3,10 @@
 import math
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from observer_rt.bus.links.link import Frame
@@ -127,14 +129,18 @@ def test_a_process_that_stood_still_does_not_blame_its_inputs(bench: Path) -> No
     assert said[0].startswith("this process stood still for 2.")
 
 
-def test_commands_stand_for_a_lift_sensor_while_it_is_dead(tmp_path: Path) -> None:
+@pytest.mark.parametrize("has_value", [True, False])
+def test_commands_stand_for_a_lift_sensor_while_it_is_dead(tmp_path: Path, has_value: bool) -> None:
     bench = load_bench(pulse_bench(tmp_path, EnergizingBy.LEVEL, "[learning]\nlockstep = true"))
     pulses, recording = injected(12)
 
     def served(first: int, last: int, knowledge: Knowledge | None, is_dead: bool, dead_from: int) -> HeardDaemon:
         """After events [first, last), one every 50 ms; is_dead: as the sensor is taken; dead_from: as it is."""
         begin, end = 0.125 + 0.05 * first, 0.125 + 0.05 * last
-        sent = samples(misfired(recording, (0.125 + 0.05 * dead_from, 1.0)), (begin, end))
+        lifts = misfired(recording, (0.125 + 0.05 * dead_from, 1.0))
+        if not has_value and dead_from == 0:
+            lifts = replace(lifts, needle_lift=np.full_like(lifts.needle_lift, np.nan))
+        sent = samples(lifts, (begin, end))
         link = ScriptedLink(merged(sent, on_change([each for each in pulses if begin <= each[0] < end])))
         daemon = HeardDaemon(bench.with_lift_sensor(is_dead), link, knowledge=knowledge)
         with serving(daemon):

@@ -53,6 +53,7 @@ class WatchedInputs:
                 notices += watch.look(frame.stamp_ns)
         for late in np.arange(0.0, silence, PERIOD / NANOSECONDS):
             notices += watch.look(frames[-1].stamp_ns + round(late * NANOSECONDS))
+        self.is_lift_missing = watch.is_lift_missing
         return [notice.text for notice in notices]
 
     def tells_of(self, role: str, law: Callable[[Values], Values]) -> list[str]:
@@ -140,6 +141,7 @@ def test_a_bad_sensor(
 ) -> None:
     (notice,) = watched.tells_of(role, fault)
     assert notice.startswith(f"{name}: {role} {said}")
+    assert watched.is_lift_missing is said.startswith("says")
 
 
 def test_a_sensor_that_is_mended(watched: WatchedInputs) -> None:

@@ -65,9 +65,11 @@ class Evaluation:
 
     @property
     def has_lost_lift(self) -> bool:
-        """Whether an input froze, or the line pressure fell as by injections, where a command opened no needle."""
-        shows_none = self.counters.unseen_injections > 0 or self.counters.bridged_samples > FROZEN * self.sample_rate
-        return self.has_lift and self.commands > len(self.injections) and shows_none
+        """Whether a command opened no needle, and an input froze, the lift is missing, or the line pressure fell."""
+        if not self.has_lift or self.commands <= len(self.injections):
+            return False
+        unusable = max(self.counters.bridged_samples, self.source.survey.signals["needle_lift"].missing)
+        return self.counters.unseen_injections > 0 or unusable > FROZEN * self.sample_rate
 
     @property
     def reports(self) -> tuple[InjectionReport, ...]:

@@ -144,12 +144,15 @@ def test_missing_samples_are_counted_and_left_out() -> None:
     assert not np.isnan(evaluation.trace.injection_rate[9302:]).any()
 
 
-@pytest.mark.parametrize(("dies", "noise"), [(0.14, 0.3e-6), (0.3, 0.0), (0.37, 0.0), (0.37, 0.3e-6)])
+@pytest.mark.parametrize(
+    ("dies", "noise"), [(0.14, 0.3e-6), (0.3, 0.0), (0.37, 0.0), (0.37, 0.3e-6), (0.14, np.nan), (0.37, np.nan)]
+)
 def test_a_lift_that_dies_is_left_out_for_the_commands(dies: float, noise: float) -> None:
     schedule = make_schedule([100e6], 5, 0.06, [0.8e-3])
     seen = simulate(NOMINAL, schedule, 50e3, (), SimulatedNoise(), seed=8).recording
     sound = replace(seen, energizing=energized(schedule, seen.time))
-    lift = np.where(seen.time < dies, seen.needle_lift, np.random.default_rng(1).normal(0.0, noise, seen.time.size))
+    still = noise * np.random.default_rng(1).normal(size=seen.time.size)
+    lift = np.where(seen.time < dies, seen.needle_lift, still)
     dead, alive = (evaluate(BENCH, [each]).evaluations[0] for each in (replace(sound, needle_lift=lift), sound))
     assert (dead.lift_failed, alive.lift_failed) == (True, False)
     assert [each.mass for each in dead.reports] == pytest.approx([each.mass for each in alive.reports], rel=0.02)

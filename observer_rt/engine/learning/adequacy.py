@@ -22,8 +22,8 @@ from observer_rt.foundation.units import Floats
 # keeps false alarms below 1e-4 an event, the second keeps very long recordings from refusing a good model.
 SIGNIFICANT = 4.5
 RELEVANT_COLOUR = 1.6
-RELEVANT_VARIANCE = 1.15  # where the needle moves
-RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that has grown, no model
+RELEVANT_VARIANCE = 1.15  # where the needle moves, and its lift is known
+RELEVANT_LOUDNESS = 2.0  # elsewhere: what is white there is noise that has grown, or a stroke unlike the model's
 TEMPER_ABOVE = 1.6  # colour beyond which an event's information counts for less, and how significant it must be
 TEMPER_SIGNIFICANT = 2.5
 _TEMPERS_ABOVE = np.array([RELEVANT_VARIANCE, TEMPER_ABOVE, TEMPER_ABOVE])  # blocks have two lengths
@@ -38,7 +38,8 @@ MOST_OF_LAWS, LAG_OF_LAWS, FRICTION_OF_LAWS = 0.5, 10e-6, -0.1
 CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
-_RELEVANT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
+_BY_LIFT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
+_BY_COMMANDS = np.full(len(Phase), RELEVANT_LOUDNESS)
 BELIEVED_AFTER = 2  # explained events after one that was not, in a row or not; the last of them is believed
 SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
 
@@ -67,9 +68,12 @@ def event_statistics(window: Window, innovations: Innovations, interval: float, 
     return healthy.relative(statistics)
 
 
-def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
-    """The phase that contradicts the model most, None when every phase is compatible with white innovations."""
-    excess = statistics.excess_beyond(RELEVANT_COLOUR, _RELEVANT)
+def inadequate_phase(statistics: PhaseStatistics, by_commands: bool = False) -> Phase | None:
+    """The phase that contradicts the model most, None when every phase is compatible with white innovations.
+
+    by_commands: the needle goes by them.
+    """
+    excess = statistics.excess_beyond(RELEVANT_COLOUR, _BY_COMMANDS if by_commands else _BY_LIFT)
     worst = int(np.argmax(excess))
     return Phase(worst) if excess[worst] > SIGNIFICANT else None
 
@@ -94,13 +98,18 @@ def is_offset(offset: float, untold: float = 0.0) -> bool:
 
 
 def objections(
-    statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED, untold: float = 0.0
+    statistics: PhaseStatistics,
+    offset: float,
+    lag: float,
+    healthy: Healthy = NOT_FITTED,
+    untold: float = 0.0,
+    by_commands: bool = False,
 ) -> list[Objection]:
     """Objections to an event, a cause first; offset, untold [Pa], lag [s]; always if the model fits nobody."""
     result = [Objection(Reason.PRESSURE_OFFSET)] if is_offset(offset, untold) else []
     if lag > LARGEST_LAG:
         result.append(Objection(Reason.SENSOR_LAG))
-    phase = inadequate_phase(statistics)
+    phase = inadequate_phase(statistics, by_commands)
     if phase is not None or not healthy.adequate:
         result.append(Objection(Reason.MODEL_INADEQUATE, phase))
     return result
@@ -178,12 +187,13 @@ class Examiner:
         event = event_statistics(window, innovations, constants.interval, self._healthy)
         lag = sensor_lag(in_force)
         offset, untold = _offset(window, in_force, constants)
-        if inadequate_phase(event) is not None:
-            raised = objections(event, offset, lag, self._healthy, untold)
+        by_commands = window.needle is not None
+        if inadequate_phase(event, by_commands) is not None:
+            raised = objections(event, offset, lag, self._healthy, untold, by_commands)
             to_pass = 1 if self._passed >= SETTLED else BELIEVED_AFTER
             return Examination(tuple(raised), self.statistics, self._passed if self._passed < 0 else -to_pass)
         statistics = pooled(self.statistics, event)
-        raised = objections(statistics, offset, lag, self._healthy, untold)
+        raised = objections(statistics, offset, lag, self._healthy, untold, by_commands)
         passed = self._passed if raised else min(self._passed + 1, SETTLED)
         if passed < 0 and not raised:
             raised = [Objection(Reason.MODEL_INADEQUATE)]

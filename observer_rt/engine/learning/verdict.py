@@ -122,7 +122,7 @@ def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader)
     gain, untold = float(theta[Parameter.LINE_PRESSURE_GAIN]), learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN]
     is_other = abs(gain) > Z_95 * reader.calibration.gain > 0.0
     opened = window.inputs[int(np.argmax(window.inputs[:, 1]))]  # the sac has the pressure of a steady flow
-    phase = adequacy.inadequate_phase(learned.statistics)
+    phase = adequacy.inadequate_phase(learned.statistics, window.needle is not None)
     # of a needle that answers commands a lag is one with its delays
     if phase is None and window.needle is None and adequacy.is_no_law(theta, reader.wide):
         phase = Phase.OPENING
@@ -219,7 +219,8 @@ def named(against: Sequence[Objection], explained: ExplainedEvent, reader: Event
     """Objections to an event; those to one that is not explained with the phase in which that shows."""
     if not against:
         return ()
-    phase = adequacy.inadequate_phase(reader.healthy.relative(explained.lead.reading.leaves(explained.lead.run)))
+    leaves = reader.healthy.relative(explained.lead.reading.leaves(explained.lead.run))
+    phase = adequacy.inadequate_phase(leaves, explained.window.needle is not None)
     return tuple(
         replace(each, phase=phase) if each.reason in UNEXPLAINED and each.phase is None else each for each in against
     )

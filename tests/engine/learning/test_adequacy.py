@@ -102,8 +102,10 @@ def test_a_phase_is_refused_when_it_is_significant_and_matters(
 
 @pytest.mark.parametrize("phase", Phase)
 def test_louder_white_noise_is_refused_where_the_needle_moves(phase: Phase) -> None:
-    """Elsewhere the noise may have grown: it is allowed for."""
+    """Elsewhere the noise may have grown, and a needle that goes by commands move otherwise: both are allowed for."""
     statistics = statistics_of(1.0, 1.5, 1e5, phase)
+    assert adequacy.inadequate_phase(statistics, by_commands=True) is None
+    assert adequacy.inadequate_phase(statistics_of(1.0, 2.1, 1e5, phase), by_commands=True) is phase
     assert (adequacy.inadequate_phase(statistics) is phase) == (phase in {Phase.OPENING, Phase.CLOSING})
     assert adequacy.tempering(statistics) == pytest.approx(1.5)
 

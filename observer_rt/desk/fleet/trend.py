@@ -22,7 +22,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND, Floats
 
 FEWEST = 4  # recordings that a line is made of
-_SIGMAS, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 % interval; of its value
+_SIGMAS, _LEAST_SIGMA = 1.959964, 0.01  # standard deviations of a recording's 95 % interval; of its value, % or us
 _STEPS = 1001  # days at which a limit is looked for; odd: the last recording's is one
 _LIMIT = re.compile(r"(?P<name>\w+)=(?P<size>[+-]?\d*\.?\d+)\s*(?P<unit>%|us)?")
 _DAY, _MONTH = 86400.0, 30.4375  # s; days
@@ -89,21 +89,21 @@ class WearLine(NamedTuple):
     spread: Floats  # (2, 2) their covariance, times the squared 95 % quantile
 
     @classmethod
-    def of(cls, days: Floats, value: Floats, half: Floats) -> Self:
+    def of(cls, days: Floats, value: Floats, half: Floats, factor: float = 100.0) -> Self:
         """Through values with 95 % intervals of these halves, all (n,), n >= `FEWEST`, at rising days.
 
         Scatter beyond intervals adds to the variance of each, to make chi squared its degrees of freedom (Paule and
-        Mandel, 1982).
+        Mandel, 1982). factor: to % or us.
         """
-        variance, freedom = np.maximum(half / _SIGMAS, _LEAST_SIGMA) ** 2, days.size - 2
+        variance, freedom = np.maximum(half / _SIGMAS, _LEAST_SIGMA / factor) ** 2, days.size - 2
 
         def fit(scatter: float) -> tuple[Floats, Floats, float]:
             weight = 1.0 / np.sqrt(variance + scatter)
             line, covariance = np.polyfit(days, value, 1, w=weight, cov="unscaled")
             return line, covariance, float(np.sum((weight * (value - np.polyval(line, days))) ** 2)) - freedom
 
-        scattered = fit(0.0)[2] > 0.0
-        scatter = brentq(lambda trial: fit(trial)[2], 0.0, np.ptp(value) ** 2) if scattered else 0.0
+        most = float(np.ptp(value)) ** 2
+        scatter = brentq(lambda trial: fit(trial)[2], 0.0, most, xtol=1e-9 * most) if fit(0.0)[2] > 0.0 else 0.0
         line, covariance, _ = fit(scatter)
         return cls(days, line, covariance * student.ppf(0.975, freedom) ** 2)
 
@@ -195,7 +195,8 @@ def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
         if is_known.any():
             value, low, high = numbers[is_known].T
             at, half = days[is_known], 0.5 * (high - low)
-            courses[name] = Course(at, value, half, WearLine.of(at, value, half) if at.size >= FEWEST else None)
+            line = WearLine.of(at, value, half, quantity.factor) if at.size >= FEWEST else None
+            courses[name] = Course(at, value, half, line)
     times = tuple(time.to_pydatetime().astimezone(UTC) for time in last["time"])
     return InjectorTrend(injector, len(spans), len(table), times, courses)
 
@@ -263,7 +264,7 @@ def _cells(trend: InjectorTrend, limits: Sequence[Limit]) -> Iterator[str]:
     for limit in limits:
         said = _date_json(trend, limit)
         if not said:
-            yield f"needs {FEWEST} recordings"
+            yield f"needs {FEWEST} recordings" if limit.name in {*_FLOWS, *trend.courses} else "-"
             continue
         low, date, high = (moment and moment[:10] for moment in (said["ci95"][0], said["date"], said["ci95"][1]))
         about = f"{'reached ' * said['reached']}{date} ({low} to {high or 'later'})"

@@ -24,17 +24,19 @@ def draw(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -
     shown = {name for trend in drawn for name in trend.courses}
     panels = [panel for panel, names in _PANELS.items() if shown.intersection(names)] or [*_PANELS][:1]
     rows = max(1, len(drawn))
-    with mpl.rc_context(LOOK):
+    with mpl.rc_context({**LOOK, "date.converter": "concise"}):
         figure = Figure(figsize=(4.0 + 4.0 * len(panels), 2.4 * rows), layout="constrained")
         grid = figure.subplots(rows, len(panels), sharey="col", squeeze=False)
         for trend, row in zip(drawn, grid, strict=False):
             for axes, panel in zip(row, panels, strict=True):
-                for name in filter(trend.courses.__contains__, _PANELS[panel]):
+                known = [name for name in _PANELS[panel] if name in trend.courses]
+                axes.set_visible(bool(known))
+                for name in known:
                     _draw_course(axes, name, trend.courses[name], trend.times[0])
                 for name, size in (limit for limit in limits if limit.name in _PANELS[panel]):
                     axes.axhline(QUANTITIES[name].factor * size, color=_COLOURS[name], lw=1, ls="--")
                 axes.set(title=trend.injector, ylabel=panel)
-                axes.legend(loc="upper left", frameon=False)
+                axes.legend(axes.containers, known, loc="upper left", frameon=False)
                 axes.xaxis_date()
     save_figure(figure, path, _DPI)
 
@@ -42,7 +44,7 @@ def draw(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -
 def _draw_course(axes: Axes, name: str, course: Course, first: datetime) -> None:
     colour, factor = _COLOURS[name], QUANTITIES[name].factor
     times, value, error = [date2num(first + timedelta(days=d)) for d in course.days], course.value, course.half
-    axes.errorbar(times, factor * value, factor * error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55, label=name)
+    axes.errorbar(times, factor * value, factor * error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55)
     if course.line:
         level, half = (factor * share for share in course.line.at(course.line.days))
         axes.fill_between(times, level - half, level + half, color=colour, alpha=0.2, lw=0)

@@ -200,6 +200,7 @@ def test_a_needle_has_a_trend_where_no_lift_was_recorded(capsys: pytest.CaptureF
     (said,) = document(made, limit)
     assert said["closes_later"]["rate_per_month"]["value"] == pytest.approx(3.04e-5, rel=0.01)
     assert said["closes_later"]["value"] == pytest.approx(7e-5)
+    assert said["closes_later"]["ci95"] == pytest.approx([7e-5, 7e-5], abs=3e-6)  # of 2 us each
     assert said["limits"][0]["date"][:10] == "2026-04-01"
     results().print(needle_table_of(made))
     assert [line.split()[1:4] for line in capsys.readouterr().out.splitlines()[1:]] == [

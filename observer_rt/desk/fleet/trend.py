@@ -30,7 +30,7 @@ _LIMIT_REMEDY = "write it like nozzle=30%, seat=-20% or closes_later=100us"
 _TIME_REMEDY = f"say where their paths have the time: {TIME_FROM} PATTERN, such as '_(\\d{{8}}_\\d{{6}})'"
 
 
-class Quantity(NamedTuple):
+class TrendQuantity(NamedTuple):
     """An indicator that has a trend."""
 
     panel: str  # of a figure
@@ -43,13 +43,13 @@ class Quantity(NamedTuple):
         return 100.0 if self.unit == "%" else 1.0 / MICROSECOND
 
 
-def _needle(indicator: IndicatorFields) -> Quantity:
+def _needle(indicator: IndicatorFields) -> TrendQuantity:
     is_delay = indicator.unit == "s"
     unit = "us" if is_delay else "%"
-    return Quantity(f"needle {'later' if is_delay else 'faster'}, {unit}", indicator.columns, unit)
+    return TrendQuantity(f"needle {'later' if is_delay else 'faster'}, {unit}", indicator.columns, unit)
 
 
-_FLOWS = {each.name.partition("_")[0]: Quantity("change of flow, %", each.columns) for each in WEAR}
+_FLOWS = {each.name.partition("_")[0]: TrendQuantity("change of flow, %", each.columns) for each in WEAR}
 _MOVES = ("needle_opens_", "needle_closes_")
 _NEEDLE = {i.name.removeprefix("needle_"): _needle(i) for i in INDICATORS if i.name.startswith(_MOVES)}
 QUANTITIES = _FLOWS | _NEEDLE
@@ -250,7 +250,7 @@ def needle_table_of(trends: Sequence[InjectorTrend]) -> Table | None:
     return plain_table(["injector", "needle", "now", "a month"], rows, right=(2, 3)) if rows else None
 
 
-def _changes(quantity: Quantity, course: Course | None) -> Iterator[str]:
+def _changes(quantity: TrendQuantity, course: Course | None) -> Iterator[str]:
     """Now, and a month."""
     for size in (course and course.now, course and course.rate):
         yield f"{quantity.factor * size[0]:+.2f} ± {quantity.factor * size[1]:.2f}" if size else "-"

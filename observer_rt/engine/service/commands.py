@@ -183,7 +183,8 @@ class EnergizingWatch:
         command.has_opened = True
         delay = math.nan
         if is_seen:
-            self._delays.append(samples_between(self._position(command.start), opening) / self._sample_rate)
+            delay = samples_between(self._position(command.start), opening) / self._sample_rate
+            self._delays.append(delay)
         return CommandedOpening(command.number, delay, command.duration)
 
     def look(self) -> None:

@@ -145,7 +145,7 @@ def calibrate(
     coarse = tuple(thinned(fold, search.ROUGH_EVENTS) for fold in folds)  # structures are compared on
     answering = forms.ANY_NEEDLE if forms.USUAL_SEAT in structures[0].free else forms.NEEDLE
     needle = answering if recordings[0].is_answered else ()
-    further = (() if source is LevelSource.FILE else (forms.INERTANCE, forms.NOZZLE_SLOPE)) + needle
+    further = (() if source is LevelSource.FILE else forms.LEVEL) + needle
     tried = tried_structures(structures, file, further, coarse, lambda share: progress(COMPARISON_TIME * share))
     choice = choose(tried)
     misfit = rate_misfit(choice.best.calibration, choice.best.judged)

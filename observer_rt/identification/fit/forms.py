@@ -123,11 +123,11 @@ INLET = FreeParameter("xi_I", "line", "inlet_loss_factor", "-", 1.0, 0.01, 500.0
 RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 1.0, 0.5)
 JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
-"""Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
+"""Stands for A_L/(rho_L L_L), in which it enters."""
 STIFFENING = FreeParameter("K_1", "fluid", "bulk_modulus_by_pressure", "-", 1.0, 0.1, 20.0, 10.5, 1.0, 1.0)
 """Free where the fuel stiffens, with K_0 as `STIFFNESS`. Never left to the file: its prior is that of usual fuels."""
 NOZZLE_SLOPE = FreeParameter("k_H", "nozzle", "coefficient_by_pressure", "%/100 MPa", 0.01, -0.3, 0.3, 0.0, 2.0, 0.01)
-"""Free when a measured rate or mass gives the level, which then may differ from pressure to pressure."""
+LEVEL = (INERTANCE, NOZZLE_SLOPE)  # free when a measured rate or mass gives it, which may differ by pressure
 _TIME = 1e-4  # s
 CONTROL = (
     FreeParameter("c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 1.5e-4, 0.0, 4.0, MM3_PER_MS),

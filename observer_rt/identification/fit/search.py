@@ -64,15 +64,15 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
 def without(calibration: Calibration, at: Quadratic, number: int) -> Floats:
     """theta by all folds but one.
 
-    The offset of this one stays, and so do the level, which it may have measured, and a needle that answers commands,
-    for the observer learns that from every injection anew.
+    The offset of this one stays, and so do the level at its pressure, which it may have measured, and a needle that
+    answers commands, for the observer learns that from every injection anew.
     """
     own = calibration.residuals_of(at.theta, number)
     assert own is not None  # the minimum has it
     alone = linearise(partial(calibration.residuals_of, number=number), at.theta, own, calibration.ranges)
     information, gradient = at.information - alone.information, at.gradient - alone.gradient
     held = [len(calibration.free) + number]
-    held += [k for k, one in enumerate(calibration.free) if one is forms.INERTANCE or one.section == "needle"]
+    held += [k for k, one in enumerate(calibration.free) if one in forms.LEVEL or one.section == "needle"]
     kept = np.setdiff1d(np.arange(at.theta.size), held)
     theta = at.theta.copy()
     theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]

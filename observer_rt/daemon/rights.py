@@ -53,7 +53,8 @@ def lock_memory(granted: Rights) -> Rights:
     """Lock all pages that are touched from now on (`mlockall`); the rights that were granted."""
     if not granted.may_lock_memory:
         return granted
-    return replace(granted, may_lock_memory=not ctypes.CDLL(None).mlockall(_CURRENT | _FUTURE | _ON_FAULT))
+    failed = ctypes.CDLL(None).mlockall(_CURRENT | _FUTURE | _ON_FAULT)
+    return replace(granted, may_lock_memory=not failed)
 
 
 def touch(memory: object) -> None:
@@ -128,7 +129,8 @@ def processors(asked: Sequence[int] | None, loops: int) -> Processors:
     isolated = numbers_in(_ISOLATED.read_text()) if _ISOLATED.exists() else ()
     wanted = tuple(dict.fromkeys(isolated if asked is None else asked))
     granted = _tried(lambda: tuple(filter(_may_stay_on, wanted)))
-    return Processors(granted[:loops], () if asked is None else tuple(cpu for cpu in wanted if cpu not in granted))
+    refused = () if asked is None else tuple(cpu for cpu in wanted if cpu not in granted)
+    return Processors(granted[:loops], refused)
 
 
 def leave_to_loops(granted: Processors) -> None:

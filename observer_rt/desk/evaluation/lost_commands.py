@@ -136,7 +136,8 @@ class LostCommands:
         rows = remembered(observer.ring, first, processed)
         stops = np.flatnonzero((rows["seat_area"] > 0.0) | (rows["broken"] != 0))
         for onset, last in self._falls(rows, opened=-1 if first > self._reported_to else -RING):
-            end = min(last + timing.event_gap, *(stops[stops > last][:1] - timing.learning_lead), processed - first)
+            ahead = stops[stops > last]
+            end = min(last + timing.event_gap, *(ahead[:1] - timing.learning_lead), processed - first)
             if last + timing.event_gap > processed - first and not memory["mode"]["draining"]:
                 return  # it may go on
             self._events += 1

@@ -64,7 +64,8 @@ def _shots(injections: Iterable[InjectionReport]) -> _Shots:
 def _nearest(of: MassMap, rail_pressure: float, energizing: float) -> int:
     """Number of the point to which an injection belongs; -1: to none."""
     by_pressure = np.abs(rail_pressure / of.rail_pressure - 1.0) / NEAR
-    away = np.maximum(by_pressure, np.abs(energizing - of.energizing) / np.maximum(NEAR * of.energizing, SHORT))
+    by_duration = np.abs(energizing - of.energizing) / np.maximum(NEAR * of.energizing, SHORT)
+    away = np.maximum(by_pressure, by_duration)
     return int(np.argmin(away)) if away.min() <= 1.0 else -1
 
 

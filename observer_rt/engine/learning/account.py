@@ -23,14 +23,7 @@ from observer_rt.engine.learning.event import (
     RestingPressure,
     with_smooth_rail,
 )
-from observer_rt.engine.learning.explanations import (
-    FIRST_FITS,
-    FIRST_STEPS,
-    LATE_SENSOR,
-    STARTED,
-    Explanation,
-    OfferedKinds,
-)
+from observer_rt.engine.learning.explanations import FIRST_STEPS, LATE_SENSOR, STARTED, Explanation, OfferedKinds
 from observer_rt.engine.learning.fit import EventFitter, Fit
 from observer_rt.engine.learning.kinds import FILED, NEEDLE_CHANGED, STATED, UNLIKE_BEFORE, Mode, is_alike
 from observer_rt.engine.learning.knowledge import Account, LearnedInjector, LearningState
@@ -39,6 +32,7 @@ from observer_rt.engine.learning.noise import Colour, RestingNoise, Sigmas, with
 from observer_rt.engine.learning.run import EventCost, EventRun
 from observer_rt.foundation.units import MEGAPASCAL, Z_95
 
+FIRST_FITS = 3  # of a first event by commands, from the starts that cost least; more end where these do; M
 AGAINST_RIVAL = 5.0  # nats at most that one event counts against a rival: a needle unlike the model's misleads; M
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
 RIVAL_LIVES = 1e-7  # .. where it explains all events by other elements: it takes some to tell a lag from a bounce; M

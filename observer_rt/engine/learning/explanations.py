@@ -32,7 +32,6 @@ REFINED = 12.0  # nats behind the best, from which on nothing is looked at: 6e-6
 LEFT_ALIKE = 1.0  # nats of the cost, within which two fits leave the same innovations; I
 FALL_COUNTS = 0.42  # of the fall, by which the closed form may be wrong: .41 at a nozzle that jumped by 43 %; M
 SCALE_FITS = 3  # of an explanation, each at the scale of the weights that the one before makes the likeliest; M
-FIRST_FITS = 3  # of those from far, from the starts that cost least; more end where these do; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
 
 NEEDLE_STARTS, LATE_STARTS = np.zeros((9, PARAMETERS)), np.zeros((len(LIFT_DELAYS), PARAMETERS))

@@ -29,14 +29,14 @@ def draw(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -
         grid = figure.subplots(rows, len(panels), sharey="col", squeeze=False)
         for trend, row in zip(drawn, grid, strict=False):
             for axes, panel in zip(row, panels, strict=True):
-                known = [name for name in _PANELS[panel] if name in trend.courses]
-                axes.set_visible(bool(known))
-                for name in known:
+                named = [name for name in _PANELS[panel] if name in trend.courses]
+                axes.set_visible(bool(named))
+                for name in named:
                     _draw_course(axes, name, trend.courses[name], trend.times[0])
                 for name, size in (limit for limit in limits if limit.name in _PANELS[panel]):
                     axes.axhline(QUANTITIES[name].factor * size, color=_COLOURS[name], lw=1, ls="--")
                 axes.set(title=trend.injector, ylabel=panel)
-                axes.legend(axes.containers, known, loc="upper left", frameon=False)
+                axes.legend(axes.containers, named, loc="upper left", frameon=False)
                 axes.xaxis_date()
     save_figure(figure, path, _DPI)
 

@@ -287,12 +287,12 @@ class _EventReadings:
             fits += [fitter.fit(*each, FIRST_STEPS) for each in product(starts[:FIRST_FITS], beliefs)]
         fits.sort(key=lambda fit: fit.run.value + 0.5 * prior.distance(fit.run.theta))
         late, others = ([fit for fit in fits if is_late(fit.active) is wanted] for wanted in (True, False))
-        sought, found = [*NEEDLE_LAW.columns.tolist(), *STATED], []
+        sought, begun = [*NEEDLE_LAW.columns.tolist(), *STATED], []
         for fit in (*others[:1], *late[:1]):
-            found.append(learned.theta.copy())
-            found[-1][sought] = fit.run.theta[sought]
-        self.rivals = [Account(replace(learned, theta=theta, active=late[0].active)) for theta in found[1:]]
-        return cost.linearised(found[0])
+            begun.append(learned.theta.copy())
+            begun[-1][sought] = fit.run.theta[sought]
+        self.rivals = [Account(replace(learned, theta=theta, active=late[0].active)) for theta in begun[1:]]
+        return cost.linearised(begun[0])
 
     def _run(self, learned: LearnedInjector, cost: EventCost) -> tuple[EventRun, RestingPressure]:
         """Run an event at the belief, with offset and gain by its rest where they differ from the belief's."""

@@ -132,14 +132,14 @@ def is_no_law(theta: Theta, wide: Theta) -> bool:
     return square > MOST_OF_LAWS and bool(is_other)
 
 
-def looks_like_inertance(nozzle_change: float, stiffness_change: float, line: float = 0.0) -> bool:
-    """True if N_H and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
+def looks_like_inertance(flow_change: float, stiffness_change: float, line: float = 0.0) -> bool:
+    """True if flow and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
 
     Flows, 1/K_L and inertance scaled together leave p_L as it is: with the inertance off by s, a healthy injector has
-    1 + N_H -> s and 1 + r -> 1/s. line: share (one sigma) to which it is known, in every interval.
+    flows of s and 1 + r -> 1/s. line: share (one sigma) to which it is known, in every interval.
     """
     stiffer = -math.log1p(stiffness_change)
-    wider = math.log1p(max(nozzle_change, -0.99))
+    wider = math.log1p(max(flow_change, -0.99))
     is_relevant = abs(stiffer) > max(LEAST_SCALE, LINE_SCALE * line)
     return is_relevant and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(stiffer)
 

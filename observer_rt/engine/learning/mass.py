@@ -9,6 +9,7 @@ import numpy as np
 
 from observer_rt.core.learning.matrices import inverse_of
 from observer_rt.core.learning.predictor import follow
+from observer_rt.core.model.model import Sac
 from observer_rt.core.model.needle import NeedleStroke
 from observer_rt.core.stream.stream import FULL_LIFT, RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation import predictor
@@ -420,3 +421,12 @@ def seat_change(theta: Theta, area: float | Vector, drop: float | Vector) -> tup
     slopes[..., _SEAT] = 1.0
     slopes[..., WEIGHTS[OF_NOZZLE:]] = sigmas
     return slopes @ theta, slopes
+
+
+def flow_change(theta: Theta, opened: Floats, sac: Sac) -> float:
+    """Relative change of a steady flow through seat and nozzle at inputs u (2,) of an open needle; chamber empty."""
+    needed = (sac.a6 / (sac.a5 * opened[1])) ** 2  # drop over the seat for one of 1 over the nozzle, nothing changed
+    rail, drop = opened[0], opened[0] * needed / (1.0 + needed)
+    wider = 1.0 + float(nozzle_change(theta, np.array([rail, 0.0, rail - drop]), opened)[0])
+    freer = max(1.0 + float(seat_change(theta, opened[1], drop)[0]), 0.01)
+    return wider * math.sqrt((1.0 + needed) / (1.0 + needed * (wider / freer) ** 2)) - 1.0

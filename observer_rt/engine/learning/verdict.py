@@ -21,7 +21,7 @@ from observer_rt.engine.learning.event import ClosedEvent, EventReader
 from observer_rt.engine.learning.explanations import Explanation
 from observer_rt.engine.learning.fit import LEAST_LAG, MOVED_IN_TIME
 from observer_rt.engine.learning.knowledge import LearningState
-from observer_rt.engine.learning.mass import EventMass, Shares, nozzle_change
+from observer_rt.engine.learning.mass import EventMass, Shares, flow_change
 from observer_rt.engine.learning.noise import median
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import MEGAPASCAL, Z_95
@@ -93,7 +93,7 @@ class LearnedFacts(NamedTuple):
     bent: float  # share by which a flow may be off, as a sensor is not straight
     lag: float
     lift_delay: float
-    nozzle: float  # change of its flow, at full lift
+    flow: float  # change of a steady one through seat and nozzle, at the highest lift
     stiffness: float
     line: float  # share by which the line's inertance is known
     phase: Phase | None  # in which recent events leave too much
@@ -106,7 +106,7 @@ LOOK_ALIKES = (
     Rule(Reason.SENSOR_LAG, lambda f: f.lag > adequacy.LARGEST_LAG),
     Rule(Reason.LIFT_SENSOR_LAG, lambda f: f.lift_delay > LATEST_LIFT),
     Rule(Reason.TIME_BASE, lambda f: f.lift_delay < EARLIEST_LIFT),
-    Rule(Reason.AMBIGUOUS_SCALE, lambda f: adequacy.looks_like_inertance(f.nozzle, f.stiffness, f.line)),
+    Rule(Reason.AMBIGUOUS_SCALE, lambda f: adequacy.looks_like_inertance(f.flow, f.stiffness, f.line)),
     Rule(Reason.MODEL_INADEQUATE, lambda f: f.phase is not None or not f.is_adequate, lambda f: f.phase),
 )
 
@@ -121,7 +121,7 @@ def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader)
     theta = learned.theta
     gain, untold = float(theta[Parameter.LINE_PRESSURE_GAIN]), learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN]
     is_other = abs(gain) > Z_95 * reader.calibration.gain > 0.0
-    opened = window.inputs[int(np.argmax(window.inputs[:, 1]))]  # the sac has the pressure of a steady flow
+    opened = window.inputs[int(np.argmax(window.inputs[:, 1]))]
     phase = adequacy.inadequate_phase(learned.statistics, window.needle is not None)
     # of a needle that answers commands a lag is one with its delays
     if phase is None and window.needle is None and adequacy.is_no_law(theta, reader.wide):
@@ -133,7 +133,7 @@ def facts_of(explained: ExplainedEvent, is_disturbed: bool, reader: EventReader)
         explained.state.sensor_slope.share,
         sensor_lag(theta),
         float(theta[Parameter.LIFT_DELAY]) * LAG_UNIT,
-        float(nozzle_change(theta, np.array([opened[0], 0.0, 0.9 * opened[0]]), opened)[0]),
+        flow_change(theta, opened, explained.lead.reading.cost.setting.coefficients.sac),
         float(theta[Parameter.BULK_MODULUS]),
         reader.calibration.line,
         phase,

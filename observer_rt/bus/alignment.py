@@ -8,7 +8,7 @@ stamps, whose delays and drift say how well the time of samples is known.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -33,10 +33,17 @@ class Alignment(NamedTuple):
     recorded: Structs  # (RECORDED_RING,) RECORDED
 
 
-def make_alignment(relations: Sequence[GridRelation | None], closed_lift: float, ring: Structs) -> Alignment:
+def make_alignment(
+    relations: Sequence[GridRelation | None],
+    closed_lift: float,
+    ring: Structs,
+    spared: Collection[int] = (),
+    has_lift: bool = True,
+) -> Alignment:
     """Empty alignment of messages by their relations to the grid, None where all of a message is on it.
 
-    closed_lift: largest lift [m] of a closed needle; ring: of the observer, to which samples are written.
+    closed_lift: largest lift [m] of a closed needle; ring: of the observer, to which samples are written; spared:
+    numbers of the messages that nothing waits for; has_lift: samples have a lift that is used.
     """
     alignment = Alignment(
         np.zeros(1, core.ALIGNMENT),
@@ -49,10 +56,11 @@ def make_alignment(relations: Sequence[GridRelation | None], closed_lift: float,
     memory["stream_count"] = len(relations)
     for number, relation in enumerate(relations):
         alignment.streams[number]["on_grid"] = relation is None or relation.on_grid
+        alignment.streams[number]["spared"] = number in spared
         if relation is not None:
             for name in ("roles", "spacing", "reach", "holds", "early"):
                 alignment.followers[number][name] = getattr(relation, name)
-    memory["closed_lift"] = closed_lift
+    memory["closed_lift"], memory["lacks_lift"] = closed_lift, not has_lift
     memory["next_break"] = int(Break.START)
     alignment.slots["index"] = -1
     return alignment
@@ -72,7 +80,8 @@ def indices_of(alignment: Alignment, field: Literal["first_index", "next_index"]
 def is_stale(alignment: Alignment) -> bool:
     """Whether a message stays away while others come."""
     memory = alignment.memory[0]
-    return bool(alignment.followers["stale"].any() or memory["newest"] - memory["next_index"] > core.PATIENCE)
+    stale = alignment.followers["stale"] & ~alignment.streams["spared"]
+    return bool(stale.any() or memory["newest"] - memory["next_index"] > core.PATIENCE)
 
 
 class Timekeeping(NamedTuple):

@@ -27,7 +27,7 @@ class WatchedMessage(NamedTuple):
     """`NeedleLiftBlock 0x111 (needle_lift)`."""
     roles: tuple[str, ...]
     streams: tuple[int, ...]
-    """Streams of samples that it carries; none: optional inputs only."""
+    """Streams of samples that it carries, and that are waited for; none: optional inputs only."""
     patience: float
 
 
@@ -99,6 +99,11 @@ class Arrivals:
         """Messages with samples that stay away."""
         return [s for s in self.sources if s.streams and self.silence(s, now) > s.patience]
 
+    def lacks_only(self, role: Role, now: int) -> bool:
+        """Whether messages with samples stay away, and only those with a role alone."""
+        stale = self.stale_messages(now)
+        return bool(stale) and all(source.roles == (role.value,) for source in stale)
+
     @property
     def is_complete(self) -> bool:
         """Whether every message with samples has come."""
@@ -150,7 +155,8 @@ def watched_input(bus_map: BusMap, layout: MessageLayout) -> WatchedMessage:
         if bus_map.energizing.cycle is not None:
             patience.append(slow_timeout(None, round(bus_map.energizing.cycle * NANOSECONDS)))
     text = f"{message_text(bus_map, layout)} ({', '.join(roles)})"
-    return WatchedMessage(layout, text, tuple(roles), streams, min(patience, default=math.inf))
+    awaited = tuple(number for number in streams if number not in bus_map.spared)
+    return WatchedMessage(layout, text, tuple(roles), awaited, min(patience, default=math.inf))
 
 
 def inputs_of(arrivals: Arrivals, timing: Sequence[MessageTiming], now: int) -> tuple[InputStatus, ...]:

@@ -197,7 +197,8 @@ class Daemon:
     def is_lift_dead(self) -> bool:
         """Whether the lift sensor is dead: by all inputs while lift is used, else by the lift sent since."""
         if not self._injector.is_lift_dead:
-            return self.core.state[1] is Reason.LIFT_DEAD or self._watch.is_lift_missing
+            is_away = self.arrivals.lacks_only(Role.NEEDLE_LIFT, time.monotonic_ns())
+            return self.core.state[1] is Reason.LIFT_DEAD or self._watch.is_lift_missing or is_away
         receiver, lift = self.core.parts["receiver"], ROLES.index(Role.NEEDLE_LIFT)
         return not receiver["highest"][lift] - receiver["lowest"][lift] > LIFT_MOVED
 

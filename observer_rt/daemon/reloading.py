@@ -20,7 +20,7 @@ from observer_rt.foundation.version import __version__
 
 Answer = Callable[[Message], Iterator[bytes]]
 LIFT_DIED = (
-    "warning: the needle lift shows no injection, or has no value: from now on the needle goes by its commands\n"
+    "warning: the needle lift shows no injection, has no value, or does not come: the needle goes by its commands\n"
     "  remedy: check the lift sensor, its amplifier and cable; it is used again once it shows an injection"
 )
 LIFT_LIVES = "the needle lift shows injections again, and is used"

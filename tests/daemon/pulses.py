@@ -1,6 +1,6 @@
 """A pulse generator that tells when it energizes the injector: its database, bench files, and its frames."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -9,12 +9,12 @@ import cantools
 import numpy as np
 from cantools.database.can import Database
 
-from observer_rt.config.bench import load_injector
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_injector
 from observer_rt.desk.simulation.schedule import Shot, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.replay.framing import Span, TimedFrame
 from observer_rt.files.signals.recording import Recording
-from tests.benches import SAMPLE_RATE, attributes, sample_bench
+from tests.benches import ONE_MESSAGE, SAMPLE_RATE, attributes, sample_bench
 from tests.device import INDICES, Device, Result, encoded, merged, protected, run
 
 LEVELS = 20  # samples in a frame of levels
@@ -78,10 +78,12 @@ class EnergizingBy:
     SAFE = 'message = "PulseSafe"\nsignal = "Duration"\n'
 
 
-def pulse_bench(folder: Path, energizing: str, extra: str = "") -> Path:
+def pulse_bench(folder: Path, energizing: str, extra: str = "", messages: Mapping[str, str] = ONE_MESSAGE) -> Path:
     (folder / "bed.dbc").write_text(TEXT)
     link = f'[link]\ninterface = "virtual"\nchannel = "{folder.name}"\n'
-    return sample_bench(folder, extra=f'{extra}\n{link}[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{energizing}')
+    return sample_bench(
+        folder, messages, extra=f'{extra}\n{link}[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{energizing}'
+    )
 
 
 TRIPLE = {"rail_pressure": "Rail", "needle_lift": "Lift", "line_pressure": "Line"}
@@ -114,10 +116,12 @@ def injected(injections: int, shots: tuple[Shot, ...] = MAIN) -> tuple[tuple[tup
     return pulses, simulate(load_injector(), schedule, SAMPLE_RATE, (), SimulatedNoise(), seed=8).recording
 
 
-def samples(recording: Recording, *spans: tuple[float, float], index: int = 0) -> list[TimedFrame]:
-    """Frames of our own layout with the samples in spans of time [s], or all; index: of the first sample."""
+def samples(
+    recording: Recording, *spans: tuple[float, float], index: int = 0, bench: Path | Bench = EXAMPLE_BENCH
+) -> list[TimedFrame]:
+    """Frames of a bench with the samples in spans of time [s], or all; index: of the first sample."""
     sent = [Span(round(begin * SAMPLE_RATE), round(end * SAMPLE_RATE)) for begin, end in spans]
-    return Device(index=index).send(recording, *sent)
+    return Device(bench, index).send(recording, *sent)
 
 
 def index_at(time: float, offset: int = 0) -> int:

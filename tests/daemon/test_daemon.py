@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.bus.mapping.bus_map import layout_of, map_bus, stream_of
 from observer_rt.config.bench import load_bench
+from observer_rt.config.signals import Role
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import Topic
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
+from tests.benches import THREE_MESSAGES
 from tests.daemon.end_to_end import published_rates, results_of
 from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, over_bus, serving, until
 from tests.daemon.pulses import EnergizingBy, injected, misfired, on_change, pulse_bench, samples
@@ -129,18 +131,21 @@ def test_a_process_that_stood_still_does_not_blame_its_inputs(bench: Path) -> No
     assert said[0].startswith("this process stood still for 2.")
 
 
-@pytest.mark.parametrize("has_value", [True, False])
-def test_commands_stand_for_a_lift_sensor_while_it_is_dead(tmp_path: Path, has_value: bool) -> None:
-    bench = load_bench(pulse_bench(tmp_path, EnergizingBy.LEVEL, "[learning]\nlockstep = true"))
-    pulses, recording = injected(12)
+@pytest.mark.parametrize("lift", ["still", "not available", "silent"])
+def test_commands_stand_for_a_lift_sensor_while_it_is_dead(tmp_path: Path, lift: str) -> None:
+    bench = load_bench(pulse_bench(tmp_path, EnergizingBy.LEVEL, "[learning]\nlockstep = true", THREE_MESSAGES))
+    pulses, recording, bus = *injected(12), map_bus(bench)
+    by_lift = layout_of(bus, stream_of(bus, Role.NEEDLE_LIFT))
 
     def served(first: int, last: int, knowledge: Knowledge | None, is_dead: bool, dead_from: int) -> HeardDaemon:
         """After events [first, last), one every 50 ms; is_dead: as the sensor is taken; dead_from: as it is."""
         begin, end = 0.125 + 0.05 * first, 0.125 + 0.05 * last
         lifts = misfired(recording, (0.125 + 0.05 * dead_from, 1.0))
-        if not has_value and dead_from == 0:
+        if lift == "not available" and dead_from == 0:
             lifts = replace(lifts, needle_lift=np.full_like(lifts.needle_lift, np.nan))
-        sent = samples(lifts, (begin, end))
+        sent = samples(lifts, (begin, end), bench=bench)
+        if lift == "silent" and dead_from == 0:
+            sent = [each for each in sent if each.frame_id != by_lift.frame_id]
         link = ScriptedLink(merged(sent, on_change([each for each in pulses if begin <= each[0] < end])))
         daemon = HeardDaemon(bench.with_lift_sensor(is_dead), link, knowledge=knowledge)
         with serving(daemon):
@@ -148,10 +153,11 @@ def test_commands_stand_for_a_lift_sensor_while_it_is_dead(tmp_path: Path, has_v
         return daemon
 
     dying = served(0, 6, None, is_dead=False, dead_from=4)
-    assert (dying.core.state[1], dying.is_lift_dead, map_bus(bench).tells_commands) == (Reason.LIFT_DEAD, True, True)
+    assert (dying.core.state[1], dying.is_lift_dead, bus.tells_commands) == (Reason.LIFT_DEAD, True, True)
     spared = served(6, 9, dying.core.knowledge, is_dead=True, dead_from=0)
     back = served(9, 12, spared.core.knowledge, is_dead=True, dead_from=99)
     notices = [each.text for each in spared.notes.notices if "frozen" in each.text]
     assert (spared.is_lift_dead, back.is_lift_dead, notices) == (True, False, [])
+    assert (len(spared.notes.injections), len(back.notes.injections)) == (3, 3)
     for injection in (*spared.notes.injections, *back.notes.injections):
         assert injection.valid * injection.mass == pytest.approx(dying.notes.injections[0].mass, rel=0.01)

@@ -1,16 +1,19 @@
 """Damaged frames, two devices with one identifier, and outages are reported with a remedy."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
+from observer_rt.config.signals import Role
 from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.input_watch import LOOKS, LOOKS_WAITED, REPORTED_AFTER, REPORTED_SHARES, FrameWatch
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.words import COUNTERS
+from tests.benches import THREE_MESSAGES, sample_bench
 
 RATE = 100e3
 
@@ -18,6 +21,14 @@ RATE = 100e3
 @pytest.fixture
 def arrivals() -> Arrivals:
     return Arrivals(map_bus(load_bench()))
+
+
+@pytest.mark.parametrize("silent", [["needle_lift"], ["rail_pressure"], ["needle_lift", "rail_pressure"], []])
+def test_a_lift_that_alone_stays_away_may_be_replaced(tmp_path: Path, silent: list[str]) -> None:
+    arrivals = Arrivals(map_bus(load_bench(sample_bench(tmp_path, THREE_MESSAGES))))
+    for source in arrivals.sources:
+        arrivals.note(0, source.layout.frame_id, source.layout.is_extended, 0 if source.roles[0] in silent else 10**9)
+    assert arrivals.lacks_only(Role.NEEDLE_LIFT, 10**9) == (silent == ["needle_lift"])
 
 
 @pytest.fixture

@@ -43,6 +43,8 @@ class BusMap:
     corrected: output_messages.RateMessage | None  # the same of the corrected rate
     results: Mapping[str, output_messages.OutputMessage]
     """Messages of results, by their keys in `[outputs]`."""
+    has_lift: bool
+    """Whether the needle lift is used, where it is read at all."""
     labels: tuple[str, ...]
     """Names of the buses in messages to the user."""
 
@@ -55,6 +57,12 @@ class BusMap:
     def tells_commands(self) -> bool:
         """Whether the bus carries to the sample when the injector is energized."""
         return self.energizing is not None and self.energizing.tells_samples
+
+    @cached_property
+    def spared(self) -> frozenset[int]:
+        """Numbers of the streams that nothing waits for: of a needle lift alone, where it is not used."""
+        lift, streams = 1 << input_tables.ROLES.index(Role.NEEDLE_LIFT), self.inputs.streams["roles"].tolist()
+        return frozenset(number for number, roles in enumerate(streams) if roles == lift and not self.has_lift)
 
     @property
     def received(self) -> tuple[MessageLayout, ...]:
@@ -130,6 +138,7 @@ def _map_injector(injector: BenchInjector, databases: BenchDatabases) -> BusMap:
             for key, result in RESULTS.items()
             if getattr(outputs, key)
         },
+        has_lift=injector.has_lift,
         labels=databases.labels,
     )
 

@@ -2,7 +2,7 @@
 #
 # Samples of other time bases than the grid's follow on it by `resampling`; the place of a block is found by `placing`.
 
-from libc.stdint cimport INT64_MAX, int64_t
+from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t
 
 from observer_rt.core.frames.records cimport MAX_INPUTS, Alignment, Follower, Slot
 from observer_rt.core.stream.state cimport BREAK_JUMP, BREAK_LOSS, BREAK_NONE, LIFT, RECORDED_MASK, Recorded
@@ -44,6 +44,8 @@ cdef inline void decide(Alignment* alignment) noexcept nogil:
     memory = alignment.memory
     cdef int64_t frontier = INT64_MAX
     for m in range(memory.stream_count):
+        if alignment.streams[m].spared:
+            continue
         if alignment.streams[m].on_grid:
             if not alignment.streams[m].seen:
                 return
@@ -51,7 +53,7 @@ cdef inline void decide(Alignment* alignment) noexcept nogil:
         elif not alignment.followers[m].begun:
             return
     for m in range(memory.stream_count):
-        if alignment.followers[m].roles != 0:
+        if alignment.followers[m].roles != 0 and not alignment.streams[m].spared:
             frontier = min(frontier, _frontier_of(alignment, &alignment.followers[m], frontier))
     decide_until(alignment, frontier)
 
@@ -59,14 +61,16 @@ cdef inline void decide(Alignment* alignment) noexcept nogil:
 cdef inline void decide_until(Alignment* alignment, int64_t frontier) noexcept nogil:
     """Write the complete samples before `frontier`; the others are missing."""
     memory = alignment.memory
-    complete = (1 << MAX_INPUTS) - 1
+    complete, lacking = (1 << MAX_INPUTS) - 1, memory.lacks_lift << LIFT
     if not memory.begun and not _begin_grid(alignment):
         return
     index = memory.next_index
     missing = 0
     while index < frontier:
         slot = &alignment.slots[index & SLOT_MASK]
-        if slot.index == index and slot.present == complete:
+        if slot.index == index and (slot.present | lacking) == complete:
+            if lacking:
+                slot.values[LIFT] = slot.shares[LIFT] = 0.0
             _pass_on(alignment, slot)
             missing = 0
             index += 1
@@ -75,7 +79,7 @@ cdef inline void decide_until(Alignment* alignment, int64_t frontier) noexcept n
         index += 1
         for m in range(memory.stream_count):
             stream = &alignment.streams[m]
-            if stream.on_grid and stream.jump_from <= index < stream.jump_to:
+            if stream.on_grid and not stream.spared and stream.jump_from <= index < stream.jump_to:
                 index = min(stream.jump_to, frontier)
         if missing > SLOTS:
             index = max(index, frontier - SLOTS)
@@ -85,14 +89,16 @@ cdef inline void decide_until(Alignment* alignment, int64_t frontier) noexcept n
 cdef inline bint _begin_grid(Alignment* alignment) noexcept nogil:
     """Decide first on the first sample that every message has; False while a message has sent none."""
     memory = alignment.memory
+    cdef int64_t begin = INT64_MIN
     for m in range(memory.stream_count):
         stream = &alignment.streams[m]
         follower = &alignment.followers[m]
+        if stream.spared:
+            continue
         if not (stream.seen if stream.on_grid else follower.begun):
             return False
-        first = stream.first_index if stream.on_grid else follower.first_index
-        memory.next_index = max(memory.next_index, first) if m else first
-    memory.begun = True
+        begin = max(begin, stream.first_index if stream.on_grid else follower.first_index)
+    memory.next_index, memory.begun = begin, True
     return True
 
 
@@ -162,7 +168,7 @@ cdef inline bint _is_legal_jump(Alignment* alignment, Slot* slot) noexcept nogil
     memory = alignment.memory
     for m in range(memory.stream_count):
         stream = &alignment.streams[m]
-        if stream.on_grid and (
+        if stream.on_grid and not stream.spared and (
             not stream.jump_block <= memory.last_index < stream.jump_from
             or stream.jump_to != slot.index
             or not stream.jump_contiguous

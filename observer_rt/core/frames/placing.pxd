@@ -80,7 +80,7 @@ cdef inline void _extend(Alignment* alignment, int64_t message, int64_t start, i
     memory = alignment.memory
     stream = &alignment.streams[message]
     stream.last_start, stream.next_index = start, start + count
-    if stream.on_grid:
+    if stream.on_grid and not stream.spared:
         memory.newest = max(memory.newest, stream.next_index)
 
 
@@ -116,7 +116,7 @@ cdef inline void _begin_anew(Alignment* alignment, int64_t message) noexcept nog
     memory = alignment.memory
     memory.restarts += 1
     alignment.followers[message].begun = False
-    if not alignment.streams[message].on_grid:
+    if not alignment.streams[message].on_grid or alignment.streams[message].spared:
         return
     for m in range(memory.stream_count):
         alignment.followers[m].begun = False

@@ -71,6 +71,7 @@ cdef struct Supervision:
 
 cdef struct GridStream:
     unsigned char on_grid  # its index is the grid's; else it is a follower
+    unsigned char spared  # nothing waits for it, for it has no role that is used
     unsigned char seen
     int64_t first_index  # of the first sample, unwrapped
     int64_t next_index  # of the sample expected next
@@ -118,6 +119,7 @@ cdef struct AlignmentMemory:
     int64_t last_index  # of the last sample passed on
     double last_values[MAX_INPUTS]
     double closed_lift  # m, at or below which the needle is closed
+    unsigned char lacks_lift  # no lift is used: each is 0, whatever is sent
     int64_t decided  # samples written to the ring
     # counters
     int64_t lost  # samples

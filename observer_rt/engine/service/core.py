@@ -116,7 +116,7 @@ class Core:
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
-                make_alignment(bus.grid_relations, opens, observer.recorded),
+                make_alignment(bus.grid_relations, opens, observer.recorded, bus.spared, bus.has_lift),
                 observer,
                 messages.make_publisher(bus.rate, may_learn),
             )

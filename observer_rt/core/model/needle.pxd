@@ -5,7 +5,7 @@ from libc.math cimport cos, exp, pi, pow, sin
 cdef enum:
     # numbers that are learned; of speeds the natural logarithm
     OPENING_DELAY, OPENING_SPEED, CLOSING_DELAY, CLOSING_SPEED, BOUNCE_HEIGHT, BOUNCE_LENGTH, OPENING_CURVE
-    CLOSING_CURVE, NEEDLE_NUMBERS
+    CLOSING_CURVE, BOUNCE_REST, NEEDLE_NUMBERS
 
 cdef extern from *:
     """
@@ -47,6 +47,7 @@ cdef struct NeedleStroke:
     double landed  # s: it has bounced
     double opening_curve  # share by which the lowest lifts are higher
     double closing_curve
+    double rebound  # s: it bounces, having rested
 
 
 cdef inline bint answers(
@@ -60,7 +61,8 @@ cdef inline bint answers(
     s.top = min(s.closing, s.opening + needle.stop / s.opening_speed)
     s.closed = s.closing + s.opening_speed * (s.top - s.opening) / s.closing_speed
     s.bounce = max(needle.landing_bounce + learned[BOUNCE_HEIGHT], 0.0)
-    s.landed = s.closed + max(needle.bounce_length + learned[BOUNCE_LENGTH], SHORTEST_BOUNCE)
+    s.rebound = s.closed + learned[BOUNCE_REST]
+    s.landed = s.rebound + max(needle.bounce_length + learned[BOUNCE_LENGTH], SHORTEST_BOUNCE)
     s.opening_curve, s.closing_curve = learned[OPENING_CURVE], learned[CLOSING_CURVE]
     return s.closing > s.opening
 
@@ -81,7 +83,7 @@ cdef inline double _mean_bounce(
     double time, double window, const NeedleStroke* s, double* by_time, double* by_length
 ) noexcept nogil:
     """Mean of a stroke's bounce over a window [s], its height 1, and its derivatives."""
-    cdef double length = s.landed - s.closed, turn = pi / length, landed = time - s.closed
+    cdef double length = s.landed - s.rebound, turn = pi / length, landed = time - s.rebound
     cdef double first = turn * min(max(landed - 0.5 * window, 0.0), length)
     cdef double last = turn * min(max(landed + 0.5 * window, 0.0), length)
     by_time[0] = (sin(last) - sin(first)) / window
@@ -128,7 +130,7 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
     cdef double up = steep * s.opening_speed, down = steep * s.closing_speed, peak = up * (s.top - s.opening)
     cdef double later, longer
     by_number[BOUNCE_HEIGHT] = _mean_bounce(time, window, s, &later, &longer)
-    by_number[BOUNCE_LENGTH] = s.bounce * longer
+    by_number[BOUNCE_LENGTH], by_number[BOUNCE_REST] = s.bounce * longer, -s.bounce * later
     ends += later * s.bounce / down  # what lands later bounces later
     by_number[CLOSING_SPEED] = ends * peak - down * fall
     if s.top < s.closing:  # it gets to its stop

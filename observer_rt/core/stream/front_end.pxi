@@ -31,6 +31,8 @@ cdef double commanded_lift(Observer* observer, int64_t position) noexcept nogil:
         pressure = max((pressure + c.chamber_pressure) / 1e8, 0.1)
         if answers(0.0, commands.lengths[number % COMMANDS] * interval, pressure, &c.needle, in_force.needle, &s):
             lift = max(lift, rounded_lift(since * interval, window, &s))
+            if since * interval >= s.closed and s.bounce > DEAD_BAND_FLOOR:
+                commands.landed = max(commands.landed, position + <int64_t> (s.landed / interval) - since)
         if number == commands.answered and since * interval > lands(&s) + window:
             commands.answered += 1
     return lift
@@ -164,7 +166,7 @@ cdef double _ramp_lift(Observer* observer, int64_t position, int64_t foot) noexc
 
 cdef bint is_recorded_shut(Observer* observer, int64_t position) noexcept nogil:
     """Whether an open needle is recorded as shut from `position` on; never before its ramp has begun."""
-    if position < observer.memory.ramp.foot:
+    if position < max(observer.memory.ramp.foot, observer.memory.commands.landed):
         return False
     if observer.constants.means and _ends_within(observer, position):
         return _lift_before_end(observer, position) <= 0.0

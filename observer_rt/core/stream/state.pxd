@@ -194,6 +194,7 @@ cdef struct Mode:
 cdef struct Commands:
     int64_t count
     int64_t answered  # by a needle that is shut again (front_end.pxi)
+    int64_t landed  # position up to which a needle that bounces counts as open, though it rests before
     int64_t starts[COMMANDS]  # sample index
     double lengths[COMMANDS]  # samples, infinite while not known
 

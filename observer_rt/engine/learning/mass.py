@@ -168,7 +168,8 @@ def stroke_in(event: Resimulation, window: slice) -> NeedleStroke | None:
     for stroke in event.strokes:
         if start < 0.5 * (stroke.opening + stroke.closed) < end:
             times = {
-                name: getattr(stroke, name) - start for name in ("opening", "top", "closing", "closed", "landed")
+                name: getattr(stroke, name) - start
+                for name in ("opening", "top", "closing", "closed", "landed", "rebound")
             }
             return stroke._replace(**times)
     return None

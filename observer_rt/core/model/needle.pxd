@@ -4,8 +4,8 @@ from libc.math cimport cos, exp, pi, pow, sin
 
 cdef enum:
     # numbers that are learned; of speeds the natural logarithm
-    OPENING_DELAY, OPENING_SPEED, CLOSING_DELAY, CLOSING_SPEED, BOUNCE_HEIGHT, BOUNCE_LENGTH, OPENING_CURVE
-    CLOSING_CURVE, BOUNCE_REST, NEEDLE_NUMBERS
+    OPENING_DELAY, OPENING_SPEED, CLOSING_DELAY, CLOSING_SPEED, BOUNCE_HEIGHT, BOUNCE_LENGTH, BOUNCE_REST
+    NEEDLE_NUMBERS
 
 cdef extern from *:
     """
@@ -14,14 +14,12 @@ cdef extern from *:
     #define CLOSING_EXPONENT 0.3
     #define NEEDLE_JITTER 30e-6
     #define SHORTEST_BOUNCE 20e-6
-    #define LOW_LIFT 50e-6
     """
     const double CORNER_ROUNDING  # s, window over whose mean the corners of a stroke are rounded
     const double OPENING_EXPONENT  # of the speeds with the rail pressure
     const double CLOSING_EXPONENT
     const double NEEDLE_JITTER  # s, standard deviation of a shot's delays from the learned ones
     const double SHORTEST_BOUNCE  # s
-    const double LOW_LIFT  # m, over which a needle that starts or lands slowly differs from one of even speed
 
 
 cdef struct NeedleLaw:
@@ -45,8 +43,6 @@ cdef struct NeedleStroke:
     double closing_speed
     double bounce  # m
     double landed  # s: it has bounced
-    double opening_curve  # share by which the lowest lifts are higher
-    double closing_curve
     double rebound  # s: it bounces, having rested
 
 
@@ -63,7 +59,6 @@ cdef inline bint answers(
     s.bounce = max(needle.landing_bounce + learned[BOUNCE_HEIGHT], 0.0)
     s.rebound = s.closed + learned[BOUNCE_REST]
     s.landed = s.rebound + max(needle.bounce_length + learned[BOUNCE_LENGTH], SHORTEST_BOUNCE)
-    s.opening_curve, s.closing_curve = learned[OPENING_CURVE], learned[CLOSING_CURVE]
     return s.closing > s.opening
 
 
@@ -96,17 +91,6 @@ cdef inline double lands(const NeedleStroke* s) noexcept nogil:
     return s.landed if s.bounce > 0.0 else s.closed
 
 
-cdef inline double _even_lift(double rise, double fall, const NeedleStroke* s) noexcept nogil:
-    """Lift [m] at even speed, by the ramps [s] of its way up and down."""
-    return max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
-
-
-cdef inline double _curve(double time, double window, const NeedleStroke* s) noexcept nogil:
-    """Share by which the lowest lifts are higher: that of the opening, or, from the turn on, of the closing."""
-    cdef double falls = _mean_step(time - s.closing, window)
-    return (1.0 - falls) * s.opening_curve + falls * s.closing_curve
-
-
 cdef inline double rounded_lift(double time, double window, const NeedleStroke* s) noexcept nogil:
     """Lift [m] at a time [s], its corners rounded over a window [s]; exactly 0 outside the stroke."""
     cdef double rise, fall, lift, by_time, by_length
@@ -114,8 +98,7 @@ cdef inline double rounded_lift(double time, double window, const NeedleStroke* 
         return 0.0
     rise = _mean_ramp(time - s.opening, window) - _mean_ramp(time - s.top, window)
     fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
-    lift = _even_lift(rise, fall, s)
-    lift *= 1.0 + _curve(time, window, s) * exp(-lift / LOW_LIFT)
+    lift = max(s.opening_speed * rise - s.closing_speed * fall, 0.0)
     return lift + s.bounce * _mean_bounce(time, window, s, &by_time, &by_length) if s.bounce > 0.0 else lift
 
 
@@ -125,9 +108,7 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
     cdef double fall = _mean_ramp(time - s.closing, window) - _mean_ramp(time - s.closed, window)
     cdef double begins = _mean_step(time - s.opening, window), turns = _mean_step(time - s.top, window)
     cdef double falls = _mean_step(time - s.closing, window), ends = _mean_step(time - s.closed, window)
-    cdef double even = _even_lift(rise, fall, s), low = exp(-even / LOW_LIFT)
-    cdef double steep = 1.0 + _curve(time, window, s) * low * (1.0 - even / LOW_LIFT)
-    cdef double up = steep * s.opening_speed, down = steep * s.closing_speed, peak = up * (s.top - s.opening)
+    cdef double up = s.opening_speed, down = s.closing_speed, peak = up * (s.top - s.opening)
     cdef double later, longer
     by_number[BOUNCE_HEIGHT] = _mean_bounce(time, window, s, &later, &longer)
     by_number[BOUNCE_LENGTH], by_number[BOUNCE_REST] = s.bounce * longer, -s.bounce * later
@@ -141,6 +122,3 @@ cdef inline void lift_slopes(double time, double window, const NeedleStroke* s, 
         by_number[OPENING_DELAY] = -up * (begins - ends)
         by_number[OPENING_SPEED] = up * rise - ends * peak
         by_number[CLOSING_DELAY] = up * (turns - ends) + down * (falls - ends)
-    by_number[OPENING_CURVE], by_number[CLOSING_CURVE] = even * low * (1.0 - falls), even * low * falls
-    if 0.0 < falls < 1.0:
-        by_number[CLOSING_DELAY] -= even * low * (s.closing_curve - s.opening_curve) / window

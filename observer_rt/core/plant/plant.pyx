@@ -44,7 +44,7 @@ cdef inline NeedleStroke _stroke(const Simulation* s, int64_t number) noexcept n
     if number < s.stroke_count:
         return s.strokes[number]
     never.opening = never.top = never.closing = never.closed = never.landed = never.rebound = INFINITY
-    never.opening_speed = never.closing_speed = never.bounce = never.opening_curve = never.closing_curve = 0.0
+    never.opening_speed = never.closing_speed = never.bounce = 0.0
     return never
 
 

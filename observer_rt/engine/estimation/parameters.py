@@ -257,9 +257,7 @@ class Parameter(IntEnum):
     CLOSING_SPEED = 21 + HIDDEN
     LANDING_BOUNCE = 22 + HIDDEN  # beyond that of the file, in units of LIFT_UNIT
     BOUNCE_LENGTH = 23 + HIDDEN
-    OPENING_CURVATURE = 24 + HIDDEN  # share by which the lowest lifts are higher
-    CLOSING_CURVATURE = 25 + HIDDEN
-    BOUNCE_REST = 26 + HIDDEN  # from landing on, in units of LAG_UNIT
+    BOUNCE_REST = 24 + HIDDEN  # from landing on, in units of LAG_UNIT
 
 
 _MM3_PER_MS = MM3_PER_MS / 6e-5  # in units of the usual Q_0; of an area [mm2], the flow at 1 m/s
@@ -354,10 +352,6 @@ SCALARS = Scalars((
                                 screen_unit=("um", MICROMETRE))),
     Scalar("bounce_length", Parameter.BOUNCE_LENGTH, prior=25e-6, drift=0.5e-6, longest_step=20e-6,
            bounds=(-60e-6, 80e-6), counted=ScalarUnit.TIME, element=Element.NEEDLE),
-    Scalar("opening_curvature", Parameter.OPENING_CURVATURE, prior=0.35, drift=2e-3, longest_step=0.3,
-           bounds=(-0.8, 1.5), gated_from=-0.8, element=Element.NEEDLE),
-    Scalar("closing_curvature", Parameter.CLOSING_CURVATURE, prior=0.35, drift=2e-3, longest_step=0.3,
-           bounds=(-0.8, 1.5), gated_from=-0.8, element=Element.NEEDLE),
     Scalar("bounce_rest", Parameter.BOUNCE_REST, prior=20e-6, drift=0.5e-6, longest_step=20e-6,
            bounds=(0.0, 0.1e-3), counted=ScalarUnit.TIME, element=Element.NEEDLE),
 ))

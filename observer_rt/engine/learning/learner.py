@@ -34,7 +34,6 @@ STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
 SCHEDULES = 6  # gains that are kept: those of all hypotheses
 OFTEN, CHANGES_REMEMBERED = 2.0, 0.9
-STROKE_SHARE = 0.0025  # of a mass, one sigma, that a needle moves unlike its model; M: on lines with waves
 LEAST_OF_MIXED = 0.25  # of the lead's own variance, that hypotheses between them leave at least; M
 LEAST_PART = 0.005  # weight, below which a hypothesis is no part of an interval; I
 AHEAD = 2.0  # events by which what is carried is ahead of what was learned: it is carried during the second; P
@@ -171,7 +170,6 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     systematic = math.hypot(
         reader.healthy.mass_share,
         mass.UNSEEN * mass.extrapolation_sigma(explained.point, explanation.before.learned_at),
-        0.0 if window.needle is None else STROKE_SHARE,
         explained.state.sensor_slope.share,
     )
     shares = shares_of(event_mass, explained, systematic)

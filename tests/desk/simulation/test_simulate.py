@@ -49,7 +49,7 @@ def test_check_masses_of_the_nominal_injector(open_time: float, expected: tuple[
     """The figures beside the nominal parameters, for a needle that opens and closes in 0.25 ms each."""
     ramp, start = 0.25e-3, 1e-3
     turn, shut, speed = start + open_time - ramp, start + open_time, NOMINAL.seat.max_lift / ramp
-    needle = NeedleStroke(start, start + ramp, turn, shut, speed, speed, 0.0, shut, 0.0, 0.0, shut)
+    needle = NeedleStroke(start, start + ramp, turn, shut, speed, speed, 0.0, shut, shut)
     time = np.arange(600) / 100e3
     model = effective_model(NOMINAL)
     truths = [run_plant(model, [needle], time, np.full(600, rail)) for rail in (60e6, 100e6, 140e6)]

@@ -126,8 +126,7 @@ class ValueWatch:
     def look(self, newest: Floats, samples: Samples) -> Iterator[Notice]:
         """Notices; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 
-        A missing value is a fault only while there are no samples: the last frame of a window may be filled up with
-        `not available`.
+        A missing value is a fault only while there are no samples: the last frame of a window may be filled up so.
         """
         has_samples = len(samples[Role.LINE_PRESSURE]) > 0
         remedy = TOPICS[Topic.VALUE].remedy

@@ -72,8 +72,7 @@ def fastest_rate(parameters: InjectorParameters, c: Coefficients) -> float:
     stiffer = fuel.filling(HIGHEST_PRESSURE) / fuel.filling(chamber)
     stiffer *= math.sqrt(fuel.density(HIGHEST_PRESSURE) / fuel.density(chamber))
     seat = (stiffer * c.sac.a5 + c.line.a2_seat) * area  # a seat that drains the line is faster
-    of_sac = (seat + c.sac.a6) / math.sqrt(c.seat.transition)
-    return float(max(of_sac, c.line.fastest))
+    return float(max((seat + c.sac.a6) / math.sqrt(c.seat.transition), c.line.fastest))
 
 
 def substeps_needed(

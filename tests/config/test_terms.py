@@ -90,8 +90,7 @@ def test_terms_are_written_as_they_are_read(tmp_path: Path) -> None:
 
 
 def test_a_section_of_numbers_and_pairs_is_one_line() -> None:
-    entry = {"a": {"b": [1, 2], "c": 3}, "d": {"e": [1, 2, 3]}, "f": {"g": {"h": 1}}}
-    text = section_of(entry).as_string()
+    text = section_of({"a": {"b": [1, 2], "c": 3}, "d": {"e": [1, 2, 3]}, "f": {"g": {"h": 1}}}).as_string()
     assert " ".join(text.split()) == "a = {b = [1, 2], c = 3} [d] e = [1, 2, 3] [f] g = {h = 1}"
 
 

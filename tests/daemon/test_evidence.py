@@ -41,8 +41,7 @@ def kept(bench: Bench) -> list[KeptEvent]:
 def test_what_is_kept_is_what_was_sent(bench: Bench, gain: float) -> None:
     """Also where the model in force mends the rail pressure: else `discover` would mend it twice."""
     size = EffectInForce(id="rail_pressure_sensor_gain", parameters={"g": EffectValue(value=gain, unit="-")})
-    in_force = (size,) if gain else ()
-    bench = bench.with_parameters(bench.injector.parameters.model_copy(update={"effects": in_force}))
+    bench = bench.with_parameters(bench.injector.parameters.model_copy(update={"effects": (size,) if gain else ()}))
     messages: list[str] = []
     recording = worn_recording(INJECTIONS)
     with keeping(bench, messages) as keeper:

@@ -170,8 +170,7 @@ def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
     wrong = block_bench(tmp_path, "virtual", ["watch"])
     pattern = 'pattern = "LinePressure_{:02d}"'
     wrong.write_text(wrong.read_text().replace(pattern, f'{pattern}\nunit = "{unit}"'))
-    notices = WatchedInputs(wrong).tells(watched.frames)
-    (named,) = (text for text in notices if likely in text)
+    (named,) = (text for text in WatchedInputs(wrong).tells(watched.frames) if likely in text)
     assert named.startswith(f"{LINE}: line_pressure ")
     assert problem in named
 

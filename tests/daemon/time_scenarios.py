@@ -76,8 +76,7 @@ class Scenario:
 
 
 def lift_alone(rate: float, drift: float) -> list[StampedFrame]:
-    pressures = send("RailLine", Clock(rate), wear=WORN)
-    return merged(pressures, send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN))
+    return merged(send("RailLine", Clock(rate), wear=WORN), send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN))
 
 
 def three_clocks(rate: float, drift: float) -> list[StampedFrame]:
@@ -215,8 +214,7 @@ SCENARIOS = (
 def run(scenario: Scenario, folder: Path) -> time_frames.Outcome:
     bench = time_frames.write_time_bench(folder, scenario.rate, scenario.signals)
     grid = Clock(scenario.rate, 0.0, -150e-6 if "-150" in scenario.name else 0.0)
-    learning = scenario.wear != 0.0
-    return observe(bench, scenario.frames(), grid, scenario.restart, learning, scenario.wear)
+    return observe(bench, scenario.frames(), grid, scenario.restart, scenario.wear != 0.0, scenario.wear)
 
 
 @dataclass(frozen=True)

@@ -152,8 +152,7 @@ def simulated_event(case: Case, theta: Array, inputs: Array, seed: int | None = 
         measured[:, 0] += random.normal(0.0, NOISE.rail_pressure / case.c.pressure_scale, output.size)
     opened = np.flatnonzero(inputs[:, 1])
     opening = int(opened[0]) if opened.size else output.size
-    resting = np.arange(output.size) < opening
-    return predictor.Window(measured, output, resting, start, opening)
+    return predictor.Window(measured, output, np.arange(output.size) < opening, start, opening)
 
 
 def settled_line(c: Coefficients, rail: float) -> Array:

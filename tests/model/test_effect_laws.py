@@ -48,8 +48,7 @@ def test_root_is_odd(difference: float, transition: float) -> None:
 def test_root_is_the_signed_square_root_far_from_zero(direction: float, transition: float) -> None:
     """The relative difference is (t/d)^2 / 4 to first order: never more than that."""
     assume(abs(direction) > 10 * transition)
-    exact = math.copysign(math.sqrt(abs(direction)), direction)
-    shortfall = 1.0 - root(direction, transition) / exact
+    shortfall = 1.0 - root(direction, transition) / math.copysign(math.sqrt(abs(direction)), direction)
     assert 0.0 <= shortfall <= 0.25 * (transition / direction) ** 2 + 1e-15
 
 

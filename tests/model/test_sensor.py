@@ -90,8 +90,7 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
 
 
 def test_no_bend_changes_nothing() -> None:
-    ends = (0.95, 0.2), (0.94, 0.5)
-    interval_of_sample = Interval(*ends, 5e-5, 21)
+    interval_of_sample = Interval((0.95, 0.2), (0.94, 0.5), 5e-5, 21)
     plain = advanced((0.8, 0.6, 0.5), interval_of_sample, C, constant_network())
     assert advanced((0.8, 0.6, 0.5), interval_of_sample, C, constant_network(), (0.0, 0.7)) == plain
     on_the_line = advanced((0.8, 0.6, 0.5), interval_of_sample, C, constant_network(), (0.5, 0.35))

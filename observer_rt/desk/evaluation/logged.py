@@ -189,8 +189,7 @@ def open_source(
 ) -> SignalStream:
     """Look through a file, and warn of odd values. from_channels: of a log; density [kg/m3]: None for the bench's.
 
-    Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
-    without a bench file.
+    Raises `UserError` for a suffix, a file or signals that will not do, and for a log without a bench file.
     """
     if not is_log(path):
         with progress_bar(console, f"looking through {path.name}", None):

@@ -233,10 +233,7 @@ def _in_turn(
 
 
 def answered_again(injector: InjectorParameters, recordings: Sequence[Measurement]) -> tuple[Measurement, ...]:
-    """Measurements whose commands are moved by the delays of their shots, with the lift that follows from them.
-
-    Raises as `measurements`.
-    """
+    """Measurements with commands moved by their shots' delays, and the lift by these; raises as `measurements`."""
     model = effective_model(injector)
     commands = [_answered(model, recording) for recording in recordings]
     lifted = [commanded_lift(injector, old.recording, of) for old, of in zip(recordings, commands, strict=True)]

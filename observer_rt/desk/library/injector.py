@@ -304,10 +304,7 @@ PROPOSAL: dict[str, Callable[[Proposal], Any]] = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiscoveryResult:
-    """Answer of a search, with all it rests on.
-
-    injector: whose model it is; notes: what was noted while recordings were read.
-    """
+    """Answer of a search, and what it rests on; injector: with its model; notes: of reading the recordings."""
 
     injector: Injector
     task: DiscoveryTask

@@ -61,10 +61,7 @@ class KnowledgeHolder:
 
 @dataclass(frozen=True, eq=False)
 class EvaluationResult(KnowledgeHolder):
-    """Recordings as the observer saw them.
-
-    notes: what was noted while they were read; knowledge: learned at the end of the last recording.
-    """
+    """Recordings as the observer saw them, notes of reading them, and the knowledge learned in the end."""
 
     injector: BenchInjector
     evaluations: tuple[Evaluation, ...]

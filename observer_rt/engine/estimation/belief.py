@@ -219,10 +219,7 @@ class GatedBelief:
 
     @cached_property
     def covariance(self) -> Matrix:
-        """Error covariance (m, m) of `best_subset`'s free and active parameters; 0 of the others.
-
-        Raises numpy.linalg.LinAlgError when singular.
-        """
+        """Error covariance (m, m) of `best_subset`, else 0. Raises numpy.linalg.LinAlgError when singular."""
         return self._by_joint @ self.belief.error_covariance @ self._by_joint.T
 
     @cached_property

@@ -69,10 +69,7 @@ def event_statistics(window: Window, innovations: Innovations, interval: float, 
 
 
 def inadequate_phase(statistics: PhaseStatistics, by_commands: bool = False) -> Phase | None:
-    """The phase that contradicts the model most, None when every phase is compatible with white innovations.
-
-    by_commands: the needle goes by them.
-    """
+    """The phase that contradicts the model most, None: each may be noise; by_commands: the needle goes by them."""
     excess = statistics.excess_beyond(RELEVANT_COLOUR, _BY_COMMANDS if by_commands else _BY_LIFT)
     worst = int(np.argmax(excess))
     return Phase(worst) if excess[worst] > SIGNIFICANT else None

@@ -199,8 +199,7 @@ def text_nanoseconds(text: str) -> int:
 class LogFormat(NamedTuple):
     """Kind of file that holds CAN frames, by its suffix, in lower case with its dot.
 
-    writer: by path and start [ns], None: only read; stamp_step [ns]; recognises: a log among recordings of the same
-    suffix, None: any is.
+    writer: by path and start [ns], None: only read; stamp_step [ns]; recognises: a log by its content, None: any is.
     """
 
     suffix: str

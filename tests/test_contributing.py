@@ -68,7 +68,7 @@ print(json.dumps({{"type": type(rigid).__name__, "stiffness": rigid.a1 / lump.a1
 """
 SCALARS = "engine/estimation/parameters.py"
 SCALAR_EDITS = (
-    (SCALARS, "\n\n_MM3_PER_MS = ", "    INERTANCE = 26 + HIDDEN\n\n\n_MM3_PER_MS = "),
+    (SCALARS, "\n\n_MM3_PER_MS = ", "    INERTANCE = 25 + HIDDEN\n\n\n_MM3_PER_MS = "),
     (
         SCALARS,
         "\n))\n# fmt: on",

@@ -143,8 +143,7 @@ def reserved_codes(signal: Signal) -> tuple[int | None, int | None]:
 
     Raises `UserError`: an attribute is not a code of the signal's width.
     """
-    not_available = _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES)
-    return not_available, _raw_code(signal, "GenSigError", ERROR_NAMES)
+    return _raw_code(signal, "GenSigSNA", NOT_AVAILABLE_NAMES), _raw_code(signal, "GenSigError", ERROR_NAMES)
 
 
 def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | None:

@@ -426,8 +426,9 @@ def seat_change(theta: Theta, area: float | Vector, drop: float | Vector) -> tup
 
 def flow_change(theta: Theta, opened: Floats, sac: Sac) -> float:
     """Relative change of a steady flow through seat and nozzle at inputs u (2,) of an open needle; chamber empty."""
-    needed = (sac.a6 / (sac.a5 * opened[1])) ** 2  # drop over the seat for one of 1 over the nozzle, nothing changed
-    rail, drop = opened[0], opened[0] * needed / (1.0 + needed)
+    rail, area = float(opened[0]), max(float(opened[1]), 1e-6)  # shut: the seat decides
+    needed = (sac.a6 / (sac.a5 * area)) ** 2  # drop over the seat for one of 1 over the nozzle, nothing changed
+    drop = rail * needed / (1.0 + needed)
     wider = 1.0 + float(nozzle_change(theta, np.array([rail, 0.0, rail - drop]), opened)[0])
-    freer = max(1.0 + float(seat_change(theta, opened[1], drop)[0]), 0.01)
+    freer = max(1.0 + float(seat_change(theta, area, drop)[0]), 0.01)
     return wider * math.sqrt((1.0 + needed) / (1.0 + needed * (wider / freer) ** 2)) - 1.0

@@ -42,6 +42,7 @@ def test_steady_flow_is_that_through_two_orifices_in_a_row(nozzle: float, seat: 
     before = np.hypot(1.0 / (sac.a5 * U[1]), 1.0 / sac.a6)  # pressures drop as squares of flows, and add up
     after = np.hypot(1.0 / (sac.a5 * U[1] * (1.0 + seat)), 1.0 / (sac.a6 * (1.0 + nozzle)))
     assert flow_change(theta, np.array(U), sac) == pytest.approx(before / after - 1.0)
+    assert flow_change(theta, np.array([U[0], 0.0]), sac) == pytest.approx(seat, abs=1e-6)  # it is all at the seat
 
 
 def test_seat_wear_is_never_told_closer_than_sensors_allow() -> None:

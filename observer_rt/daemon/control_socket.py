@@ -65,8 +65,7 @@ def control_socket(kept: Path, requests: Requests, say: Callable[[str], None] = 
         with _SocketServer(address, requests, say) as server:
             path = Path(os.path.realpath(kept) + ".socket")
             own = path.stat()
-            thread = Thread(target=server.serve_forever, args=(0.1,), name="control socket", daemon=True)
-            thread.start()
+            Thread(target=server.serve_forever, args=(0.1,), name="control socket", daemon=True).start()
             try:
                 yield
             finally:

@@ -138,8 +138,7 @@ class ValueWatch:
         yield from self._odd.look(odd)
         if all(len(values) >= FEWEST for values in samples.values()):
             lift_moves = bool(np.ptp(samples[Role.NEEDLE_LIFT]) > LIFT_MOVED)
-            across = samples[Role.LINE_PRESSURE] - samples[Role.RAIL_PRESSURE]
-            pressure_moves = bool(np.ptp(across) > PRESSURE_MOVED)
+            pressure_moves = bool(np.ptp(samples[Role.LINE_PRESSURE] - samples[Role.RAIL_PRESSURE]) > PRESSURE_MOVED)
             for watched in self._watched:
                 role = watched.role.value
                 moves = pressure_moves if watched.role is Role.NEEDLE_LIFT else lift_moves
@@ -190,8 +189,7 @@ class UnitWatch:
     """Judges the values of some seconds together, as files are judged when they are read."""
 
     def __init__(self, sources: Sequence[WatchedMessage]) -> None:
-        names = {**_names(sources), SWAPPED: "rail_pressure and line_pressure: each"}
-        self._findings = _Findings(SURVEYS, names)
+        self._findings = _Findings(SURVEYS, {**_names(sources), SWAPPED: "rail_pressure and line_pressure: each"})
         self._mixed_up: str | None = None  # as long as no injection tells
         self._restart()
 

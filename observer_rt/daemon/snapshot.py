@@ -147,8 +147,7 @@ def read_snapshot(stream: BufferedIOBase) -> Snapshot:
 def _injection(stream: BufferedIOBase) -> ShownInjection:
     fields = _content(stream)
     names, samples = fields.pop("curves"), fields.pop("samples")
-    data = stream.read(len(names) * samples * _FLOAT.itemsize)
-    values = np.frombuffer(data, _FLOAT).reshape(len(names), samples)
+    values = np.frombuffer(stream.read(len(names) * samples * _FLOAT.itemsize), _FLOAT).reshape(len(names), samples)
     return ShownInjection(**fields, curves=dict(zip(names, values, strict=True)))
 
 

@@ -52,32 +52,36 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
         return None
     left_out, shifts = [], []
     for number in range(folds):
-        theta = without(calibration, at, number)
+        theta, with_needle = without(calibration, at, number)
         judged_model, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
-        if judged_model is None or all_in is None:
+        moved = judged_model if np.array_equal(theta, with_needle) else calibration.judge(with_needle, number)
+        if judged_model is None or all_in is None or moved is None:
             return None
         left_out.append(judged_model)
-        shifts.append(float(np.sum(judged_model.masses) / np.sum(all_in.masses)) - 1.0)
+        shifts.append(float(np.sum(moved.masses) / np.sum(all_in.masses)) - 1.0)
     return HeldOut(pooled(calibration.recordings, left_out), np.array(shifts))
 
 
-def without(calibration: Calibration, at: Quadratic, number: int) -> Floats:
-    """theta by all folds but one.
+def without(calibration: Calibration, at: Quadratic, number: int) -> tuple[Floats, Floats]:
+    """theta by all folds but one, and the same with the needle by all of them.
 
-    The offset of this one stays, and so do the level at its pressure, which it may have measured, and a needle that
-    answers commands, for the observer learns that from every injection anew.
+    The offset of this one stays, and so does the level at its pressure, which it may have measured. Structures are
+    compared with their own needle; masses are not moved by one, which the observer learns from every injection anew.
     """
     own = calibration.residuals_of(at.theta, number)
     assert own is not None  # the minimum has it
     alone = linearise(partial(calibration.residuals_of, number=number), at.theta, own, calibration.ranges)
     information, gradient = at.information - alone.information, at.gradient - alone.gradient
-    held = [len(calibration.free) + number]
-    held += [k for k, one in enumerate(calibration.free) if one in forms.LEVEL or one.section == "needle"]
-    kept = np.setdiff1d(np.arange(at.theta.size), held)
-    theta = at.theta.copy()
-    theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
     lowest, highest = np.array([(range_.lowest, range_.highest) for range_ in calibration.ranges]).T
-    return np.clip(theta, lowest, highest)
+
+    def moved(section: str) -> Floats:
+        held = [k for k, one in enumerate(calibration.free) if one in forms.LEVEL or one.section == section]
+        kept = np.setdiff1d(np.arange(at.theta.size), [len(calibration.free) + number, *held])
+        theta = at.theta.copy()
+        theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
+        return np.clip(theta, lowest, highest)
+
+    return moved(""), moved("needle")
 
 
 @dataclass(frozen=True, eq=False)
